@@ -23,8 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import sonata2d as s2
-from sonata2d.datasets import DaskExecutor
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import DaskExecutor, verify
 
 SCENARIO, CONTROLLER = "sonata-2020", "social-planner"
 SHORT = {"scenario": "empty", "controller": "straight-to-goal"}  # episodes of 5 ms, of which a task has many

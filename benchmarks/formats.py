@@ -18,7 +18,7 @@ from pathlib import Path
 import sonata2d as s2
 from sonata2d.errors import RecordError
 from sonata2d.formats.api import export_to, import_from
-from sonata2d.formats.base import Options
+from sonata2d.formats.format import Options
 from sonata2d.registry import FORMATS
 
 REPEATS = 3

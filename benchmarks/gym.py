@@ -95,17 +95,16 @@ def candidates(people: int) -> dict[str, Stepper]:
 
     arguments = {"scenario": "empty", "settings": settings(people)}
 
-    def own_vector(count: int, processes: int) -> Any:
-        return s2g.SocialNavVectorEnv(count, wrappers=[s2g.Flat], processes=processes, **arguments)
+    def own_vector(count: int) -> Any:
+        return s2g.SocialNavVectorEnv(count, wrappers=[s2g.Flat], **arguments)
 
     found = {
         "bare episode": bare_episode(people),
         "dictionary": single(make),
         "flat": single(lambda: s2g.Flat(make())),
         "lidar, 72 rays": single(lambda: s2g.Lidar(make())),
-        f"vector of {WORLDS}, flat": vector(lambda: own_vector(WORLDS, 1)),
-        f"vector of {MANY}, flat": vector(lambda: own_vector(MANY, 1)),
-        f"vector of {MANY}, flat, 2 processes": vector(lambda: own_vector(MANY, 2)),
+        f"vector of {WORLDS}, flat": vector(lambda: own_vector(WORLDS)),
+        f"vector of {MANY}, flat": vector(lambda: own_vector(MANY)),
         f"AsyncVectorEnv of {WORLDS}, flat": vector(
             lambda: gymnasium.vector.AsyncVectorEnv([lambda: s2g.Flat(s2g.SocialNavEnv(**arguments))] * WORLDS)
         ),
@@ -206,7 +205,7 @@ def main() -> None:
     print("| steps per CPU second (per second) | " + " | ".join(f"{n} people" for n in arguments.people) + " |")
     print("| --- |" + " ---: |" * len(arguments.people))
     for name, columns in rows.items():
-        is_elsewhere = name.startswith("Async") or "processes" in name  # the CPU time of others is not known
+        is_elsewhere = name.startswith("Async")  # the CPU time of others is not known
         cells = (f"({wall:.0f})" if is_elsewhere else f"{cpu:.0f} ({wall:.0f})" for cpu, wall in columns.values())
         print(f"| {name} | " + " | ".join(cells) + " |")
 

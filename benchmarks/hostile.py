@@ -29,7 +29,7 @@ from urllib.parse import quote, urlsplit
 import websockets
 from study_server import served_study
 
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import verify
 
 STUDY = """\
 title: Hostile
@@ -39,14 +39,14 @@ runs: [{scenario: sonata-2020, runs: 50}]
 """
 TYPES = (
     "hello", "language", "read", "consent", "decline", "reconsider", "answer", "tick", "pause", "stop", "keep",
-    "finish_practice", "discard", "redo", "undo", "rate", "rest", "skip", "hold", "add", "look", "agreement",
+    "finish_practice", "discard", "redo", "undo", "rate", "rest", "skip", "pause_study", "add", "look", "agreement",
 )  # fmt: skip
 FIELDS = (
     "protocol", "language", "step", "ticked", "values", "run", "number", "events", "round_trip", "dropped", "label",
     "shown", "seconds", "whole", "count", "participant", "scene", "value", "__class__", "constructor",
 )  # fmt: skip
 PATHS = (
-    "/../../etc/passwd", "/static/../../links.json", "/static/..%2f..%2fseat.py", "/static/%00", "/study/links.json",
+    "/../../etc/passwd", "/static/../../links.json", "/static/..%2f..%2fserver.py", "/static/%00", "/study/links.json",
     "/s/", "/j/", "/r/", "/s/../../x", "/r/x/export.zip?personal=1", "/s/{token}/../../links", "/r/{token}",
     "/r/{token}/export.zip?personal=1", "/j/{token}", "/s/{token}/socket", "/.git/config", "//evil.example/", "/%ff",
 )  # fmt: skip

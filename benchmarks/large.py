@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import sonata2d as s2
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import verify
 
 VARIANTS: dict[str, dict[str, Any]] = {
     "files": {},

@@ -27,7 +27,7 @@ import numpy as np
 import websockets
 from study_server import served_study
 
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import verify
 
 STUDY = "title: Load\nruns: [{scenario: sonata-2020, runs: 400}]\n"
 FRAME = 1 / 60  # s, between two pictures of a page

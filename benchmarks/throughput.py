@@ -24,9 +24,10 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
+from engine import FRAMES, crowded_room, engine_steps, run_episode, shortest
+
 import sonata2d as s2
 from sonata2d.core.compiled.kernel import BACKEND
-from sonata2d.testing.benchmark import FRAMES, crowded_room, engine_steps, run_episode, shortest
 
 PEOPLE = (5, 10, 20, 50, 100, 200, 500, 1000)
 

@@ -16,7 +16,6 @@ import statistics
 import tempfile
 import time
 from itertools import pairwise
-from pathlib import Path
 
 if not os.environ.get("DISPLAY"):
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
@@ -27,14 +26,15 @@ import sonata2d as s2
 from sonata2d.agents.controllers.teleoperation import Teleoperation
 from sonata2d.collect.session import Session
 from sonata2d.core.devices import DeviceEvent, View
+from sonata2d.core.labels import LabelSpec
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.view.interpolation import between
 from sonata2d.view.painter import Painter
+from sonata2d.window.answer import FrameQuestion
 from sonata2d.window.collect_screen import CollectScreen
 from sonata2d.window.hud import Hud, draw_hud
 from sonata2d.window.input import InputDevices
-from sonata2d.window.profiles import Profiles
-from sonata2d.window.question_panel import FrameQuestion
+from sonata2d.window.profiles import DEFAULT_PROFILES
 from sonata2d.window.stage import Stage
 
 TICKS = 10  # per second
@@ -42,7 +42,7 @@ FPS = 60
 STEPS = 3  # pictures drawn per tick; the window draws more of the same kind
 HUD = Hud(
     run=3, runs=20, kept=2, contributor="a contributor", light="recording",
-    question=FrameQuestion("How does the robot drive?", ("poorly", "fairly well", "well"), position=0.5),
+    question=FrameQuestion(LabelSpec("classes", question="Is it polite?", classes=("no", "fairly", "yes")), 0.5),
     keys=(("W A S D", "drive"), ("Q E", "sideways"), ("Space", "brake"), ("Esc", "pause"), ("F1", "help")),
 )  # fmt: skip
 
@@ -94,7 +94,7 @@ def picture_cost(snapshots: list[Snapshot], size: tuple[int, int], view: View) -
 def screen_cost(config: s2.ScenarioConfig, size: tuple[int, int], view: View, seconds: float) -> float:
     """CPU milliseconds per picture of the driving screen, everything included, at 60 pictures per 10 ticks."""
     with tempfile.TemporaryDirectory() as folder:
-        stage, devices = Stage(size=size, clock=lambda fps: round(1000 / fps)), InputDevices(Profiles(Path(folder)))
+        stage, devices = Stage(size=size, clock=lambda fps: round(1000 / fps)), InputDevices(DEFAULT_PROFILES)
         screen = CollectScreen(Session(folder, "benchmark", config, mappings=devices.mappings), devices, view=view)
         screen.enter(stage)
         press(pygame.K_w)

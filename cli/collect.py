@@ -2,31 +2,34 @@
 
 from __future__ import annotations
 
+import threading
+import webbrowser
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from sonata2d.core.wording import counted
+
 from .command import Command
-from .common import (
-    PATH,
-    compress_option,
-    episode_suffix,
-    examples,
-    json_option,
-    language_option,
-    note,
-    show_json,
-    size_option,
-)
+from .options import PATH, compress_option, examples, json_option, language_option, size_option
+from .output import echo, show_json, show_links, wants_json
+from .serve import serve_study
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from sonata2d.scenegen.scenario.config import ScenarioConfig
-    from sonata2d.window.rate_screen import RateScreen
+    from sonata2d.collect.rating import RatingSession
+    from sonata2d.core.devices import View
     from sonata2d.window.stage import Screen
+
+
+def _write_controls(context: click.Context, _: click.Parameter, is_set: bool) -> None:
+    """Write the file of controls, print its path, and exit."""
+    if is_set:
+        from sonata2d.window.profiles import write_default_controls
+
+        click.echo(write_default_controls())
+        context.exit()
 
 
 @click.command(
@@ -38,12 +41,13 @@ if TYPE_CHECKING:
     ),
 )
 @click.argument("out", type=PATH, required=False)
-@click.option("--contributor", metavar="ID", help="Pseudonym of the driver or rater.  [default: the window asks]")
 @click.option(
-    "--scenario",
-    default="sonata-2020",
-    metavar="NAME|FILE",
-    help="Scenario: the rooms, and the question asked about each run.",
+    "--contributor",
+    metavar="ID",
+    help="Pseudonym of the driver or rater.  [default: the window asks; a study numbers its participants]",
+)
+@click.option(
+    "--scenario", default="sonata-2020", metavar="NAME|FILE", help="The rooms, and the question about each run."
 )
 @click.option("--runs", type=click.IntRange(1), help="Number of runs.  [default: unlimited]")
 @click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the rooms, or of the rating order.")
@@ -53,6 +57,14 @@ if TYPE_CHECKING:
 @click.option("--repeats", type=click.FloatRange(0, 1), default=0.1, help="Fraction of the runs rated twice.")
 @click.option("--study", type=PATH, metavar="FILE", help="Study file: pages, questions, practice, runs and ratings.")
 @click.option("--allow-scene-changes", is_flag=True, help="Let drivers change the numbers of people and objects (G).")
+@click.option(
+    "--write-controls",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_write_controls,
+    help="Write the default controls to a file in which you can change them, and exit.",
+)
 @language_option
 @size_option
 @json_option
@@ -62,56 +74,60 @@ def command(
     scenario: str,
     runs: int | None,
     seed: int,
-    view: str,
-    compress: str,
+    view: View,
+    suffix: str,
     rate: Path | None,
     repeats: float,
     study: Path | None,
     allow_scene_changes: bool,
     language: str,
     size: tuple[int, int] | None,
-    as_json: bool,
 ) -> None:
     """Open a window in which a person drives the robot, and store each run in the folder OUT.
 
     Time starts with the first movement. After each run the person keeps or discards it. If the program ends during a
     run, the same command continues that run. With --rate, the window shows recorded runs and asks for ratings. With
-    --study, it goes through a study, whose file has all other settings.
+    --study, a browser opens in place of the window, and the study is served to it until Ctrl+C.
     """
     if (out is None) == (rate is None):
         problem = "both were given; " if out is not None else ""
         raise click.UsageError(f"{problem}give either a folder OUT to drive, or --rate DIR|FILE to rate recorded runs")
-    from sonata2d.collect.session import warm_up
+    if study is not None:
+        _open_study(study, out, contributor, suffix)
+        return
+    from sonata2d.collect.rating import RatingSession
+    from sonata2d.collect.session import Session, warm_up
     from sonata2d.collect.texts import choose_language
     from sonata2d.errors import SceneError
     from sonata2d.scenegen.generator import generate
     from sonata2d.scenegen.scenario.load import load_scenario
+    from sonata2d.window.collect_screen import CollectScreen
+    from sonata2d.window.input import InputDevices
     from sonata2d.window.name_screen import NameScreen
+    from sonata2d.window.profiles import read_profiles
+    from sonata2d.window.rate_screen import RateScreen
     from sonata2d.window.stage import Stage
 
     choose_language(language)
-    if study is not None:
-        _take_part(study, out, contributor, episode_suffix(compress), size, as_json)
-        return
     config = load_scenario(scenario)
+    profiles = read_profiles() if rate is None else {}
     if rate is None:
         with suppress(SceneError):  # the session tries further scenes
             warm_up(generate(config, seed))
-    rating: list[RateScreen] = []
+    ratings: list[RatingSession] = []
 
     def first_screen(name: str) -> Screen:
-        screen: Screen
         if rate is not None:
-            screen = _rate_screen(rate, name, config, seed, repeats, view)
-            rating.append(screen)
-        else:
-            assert out is not None
-            # A person who was named on the command line is the only one of this session.
-            another = ask_name if contributor is None else None
-            screen = _drive_screen(
-                out, name, config, seed, runs, view, episode_suffix(compress), allow_scene_changes, another
-            )
-        return screen
+            ratings.append(RatingSession(rate, name, config.label, seed=seed, repeats=repeats))
+            return RateScreen(ratings[-1], view=view, context=config.context)
+        assert out is not None
+        devices = InputDevices(profiles)
+        session = Session(out, name, config, seed=seed, mappings=devices.mappings, suffix=suffix)
+        # A person who was named on the command line is the only one of this session.
+        another = ask_name if contributor is None else None
+        return CollectScreen(
+            session, devices, runs=runs, view=view, scene_changes=allow_scene_changes, new_person=another
+        )
 
     def ask_name() -> Screen:
         return NameScreen(first_screen, role="driver" if rate is None else "rater")
@@ -119,114 +135,67 @@ def command(
     stage = Stage("sonata2d: collect", size=size)
     stage.run(ask_name() if contributor is None else first_screen(contributor))
     if out is not None:
-        _show_runs(out, as_json)
-    elif as_json or rating:
-        _show_ratings(rating, as_json)
+        _show_runs(out)
+    else:
+        _show_ratings(ratings)
 
 
-_WITH_STUDY = ("out", "contributor", "study", "compress", "language", "size", "as_json")
+_FOR_STUDIES = ("out", "contributor", "study", "suffix")
+_OF_WINDOW = ("language", "size")
 
 
-def _take_part(
-    file: Path, out: Path | None, contributor: str | None, suffix: str, size: tuple[int, int] | None, as_json: bool
-) -> None:
-    """Go through a study in the window."""
+def _open_study(file: Path, out: Path | None, contributor: str | None, suffix: str) -> None:
+    """Serve a study on this machine, and open its page in the default browser."""
     context = click.get_current_context()
     for name in context.params:
-        is_default = context.get_parameter_source(name) is click.core.ParameterSource.DEFAULT
-        if name not in _WITH_STUDY and not is_default:
-            raise click.UsageError(f"--{name.replace('_', '-')} is set by the study file; leave it out with --study")
+        if name in _FOR_STUDIES or context.get_parameter_source(name) is click.core.ParameterSource.DEFAULT:
+            continue
+        reason = (
+            "is for the window, and a browser shows the study" if name in _OF_WINDOW else "is set by the study file"
+        )
+        raise click.UsageError(f"--{name.replace('_', '-')} {reason}; leave it out with --study")
     assert out is not None
-    from sonata2d.collect.texts import use_table
-    from sonata2d.study.folder import opened_folder
-    from sonata2d.study.load import load_study
-    from sonata2d.study.participant import Participant
-    from sonata2d.window.input import InputDevices
-    from sonata2d.window.name_screen import NameScreen
-    from sonata2d.window.stage import Stage
-    from sonata2d.window.study_flow import StudyFlow
 
-    study = load_study(file)
-    participants: list[Participant] = []
+    def announce(links: dict[str, str]) -> None:
+        show_links(links)
+        # Some browsers return when they are closed, and the server must answer before that.
+        threading.Thread(target=_open_page, args=(links[contributor or "open link"],), daemon=True).start()
 
-    with opened_folder(out, study) as folder:
-        study.warm_up()
-
-        def first_screen(name: str) -> Screen:
-            devices = InputDevices()
-            participants.append(Participant(folder, name, mappings=devices.mappings, suffix=suffix))
-            return StudyFlow(participants[-1], devices).screen()
-
-        use_table(study.tables[study.config.languages[0]])
-        stage = Stage("sonata2d", size=size)
-        stage.run(NameScreen(first_screen) if contributor is None else first_screen(contributor))
-    rows = [{"participant": one.id, "step": one.step.id, "done": one.progress} for one in participants]
-    if as_json:
-        show_json(rows)
-    for row in () if as_json else rows:
-        note(f"{row['participant']}: step {row['done'][0]} of {row['done'][1]}")
-        note(f"next:  sonata2d study results {out} tables")
+    ids = () if contributor is None else (contributor,)
+    serve_study(file, out, announce, port=0, ids=ids, suffix=suffix)
+    echo(f"next:  sonata2d study results {out} tables")
 
 
-def _drive_screen(
-    out: Path,
-    name: str,
-    config: ScenarioConfig,
-    seed: int,
-    runs: int | None,
-    view: str,
-    suffix: str,
-    scene_changes: bool,
-    new_person: Callable[[], Screen] | None,
-) -> Screen:
-    from sonata2d.collect.session import Session
-    from sonata2d.window.collect_screen import CollectScreen
-    from sonata2d.window.input import InputDevices
-
-    devices = InputDevices()
-    session = Session(out, name, config, seed=seed, mappings=devices.mappings, suffix=suffix)
-    return CollectScreen(
-        session,
-        devices,
-        runs=runs,
-        view="top" if view == "top" else "follow",
-        scene_changes=scene_changes,
-        new_person=new_person,
-    )
+def _open_page(link: str) -> None:
+    """Open a link in the default browser, or explain how to open it."""
+    if not webbrowser.open(link):
+        remedy = "for a browser of another machine, use `sonata2d serve`"
+        click.echo(f"no browser can be started here: open {link} in a browser of this machine; {remedy}", err=True)
 
 
-def _rate_screen(folder: Path, name: str, config: ScenarioConfig, seed: int, repeats: float, view: str) -> RateScreen:
-    from sonata2d.collect.rating import RatingSession
-    from sonata2d.window.rate_screen import RateScreen
-
-    session = RatingSession(folder, name, config.label, seed=seed, repeats=repeats)
-    return RateScreen(session, view="top" if view == "top" else "follow", context=config.context)
-
-
-def _show_runs(out: Path, as_json: bool) -> None:
+def _show_runs(out: Path) -> None:
     """Print the contents of the folder, and commands to run next."""
     from sonata2d.datasets.manifest import MANIFEST, read_manifest
 
     manifest = read_manifest(out) if (out / MANIFEST).exists() else None
-    if as_json:
+    if wants_json():
         show_json(manifest)
-    if as_json or manifest is None:
+    if wants_json() or manifest is None:
         return
     contributors = ", ".join(f"{count} by {name}" for name, count in manifest["counts"]["contributor"].items())
     count = len(manifest["files"])
-    note(f"{out}: {count} {'run' if count == 1 else 'runs'}{f' ({contributors})' if contributors else ''}")
+    echo(f"{out}: {counted(count, 'run')}{f' ({contributors})' if contributors else ''}")
     if any((out / "journal").glob("*.jsonl")):
-        note("one run is unfinished; the same command continues it")
+        echo("one run is unfinished; the same command continues it")
     if count:
-        note(f"next:  sonata2d view {out}\n       sonata2d check {out} --replay")
+        echo(f"next:  sonata2d view {out}\n       sonata2d check {out} --replay")
 
 
-def _show_ratings(screens: list[RateScreen], as_json: bool) -> None:
-    """Print how many runs are rated, and where the ratings are stored."""
-    sessions = [screen.session for screen in screens]
-    if as_json:
+def _show_ratings(sessions: list[RatingSession]) -> None:
+    """Print how many runs are rated, and where the ratings are stored; nobody may have begun."""
+    if wants_json():
         show_json([{"rated": session.done, "of": session.total, "file": str(session.path)} for session in sessions])
         return
-    session = sessions[-1]
-    note(f"{session.path}: {session.done} of {session.total} rated")
-    note(f"next:  sonata2d describe {session.folder}")
+    for session in sessions[-1:]:
+        echo(f"{session.path}: {session.done} of {session.total} rated")
+        echo(f"next:  sonata2d describe {session.folder}")

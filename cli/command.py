@@ -1,7 +1,7 @@
-"""What all commands share: options that every command has, and the layout of the help texts.
+"""Options that every command has, and the layout of the help texts.
 
-Plain click with this module in place of a library for help texts: those at hand wrap examples and error messages at
-the width of the terminal, so that commands cannot be copied and errors take several lines, and add four packages.
+Plain click with this module in place of a library for help texts: the known ones wrap examples and error
+messages at the width of the terminal, so that commands cannot be copied and errors take several lines.
 """
 
 from __future__ import annotations
@@ -100,12 +100,12 @@ class Command(click.Command):
                 param.metavar = "N"
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        own = super().get_params(ctx)
-        at = len(own) if ctx.help_option_names == [] else len(own) - 1  # before --help
-        return [*own[:at], *_COMMON_OPTIONS, *own[at:]]
+        params = super().get_params(ctx)
+        end = len(params) if ctx.help_option_names == [] else len(params) - 1  # before --help
+        return [*params[:end], *_COMMON_OPTIONS, *params[end:]]
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the options of the command, then those of all commands."""
+        """Write the options of the command, then the options of all commands."""
         params = self.get_params(ctx)
         first = params.index(_COMMON_OPTIONS[0])
         for title, group in (("Options", params[:first]), (COMMON, params[first:])):
@@ -143,14 +143,3 @@ class Group(Command, click.Group):
             known = self.list_commands(ctx)
             hint = did_you_mean(args[0], [*known, "--help"]) or f"; commands are {', '.join(known)}"
             raise click.UsageError(error.message.rstrip(".") + hint, ctx) from None
-
-
-class RenamedOption(click.Option):
-    """An option whose last name is an old spelling, which works and is not shown."""
-
-    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
-        every, self.opts = self.opts, self.opts[:-1]
-        try:
-            return super().get_help_record(ctx)
-        finally:
-            self.opts = every

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .command import Command
-from .common import PATH, examples, json_option, show_json, show_table
+from .options import PATH, examples, json_option
+from .output import show_json, show_table, wants_json
 
 if TYPE_CHECKING:
     from sonata2d.collect.agreement import Agreement, RaterConsistency
@@ -25,7 +26,7 @@ MAX_DISPUTED = 5  # disputed runs printed without --json
 @click.command(cls=Command, epilog=examples("describe demo", "describe demo/000000.json", "describe demo --json"))
 @click.argument("path", type=PATH, metavar="DIR|FILE")
 @json_option
-def command(path: Path, as_json: bool) -> None:
+def command(path: Path) -> None:
     """Summarise a data set or an episode file.
 
     Shows the scenario, controller, people, outcome and columns; for rated data sets also how well the raters agree.
@@ -41,18 +42,17 @@ def command(path: Path, as_json: bool) -> None:
         rows = _dataset_rows(path, is_rated=bool(ratings))
     else:
         rows = _episode_rows(path)
-    if as_json:
+    if wants_json():
         values = {name.replace(" ", "_"): value for name, value in rows}
-        show_json(values | {"ratings": [_agreement_json(one) for one in ratings]} if ratings else values)
+        show_json(values | {"ratings": [_agreement_json(agreement) for agreement in ratings]} if ratings else values)
     else:
-        rows += [row for one in ratings for row in _agreement_rows(one)]
+        rows += [row for agreement in ratings for row in _agreement_rows(agreement)]
         show_table(line for name, value in rows for line in _lines(name, value))
 
 
 def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
-    """What the manifest of a data set contains."""
-    from sonata2d.datasets.manifest import MANIFEST, read_manifest
-    from sonata2d.datasets.start import unlisted_episodes
+    """Contents of the manifest of a data set."""
+    from sonata2d.datasets.manifest import MANIFEST, read_manifest, unlisted_episodes
     from sonata2d.datasets.summaries import totals_of
 
     if is_rated and not (folder / MANIFEST).exists():  # single files can be rated without a manifest
@@ -94,7 +94,7 @@ def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
 
 
 def _limit_rows(excess: list[ExcessiveCommands]) -> Rows:
-    """Commands beyond the limits of the robot's drive; nothing if there are none."""
+    """Commands beyond the limits of the robot's drive; no row without such commands."""
     return [("commands beyond limits", excess)] if excess else []
 
 
@@ -122,26 +122,26 @@ def _answer_rows(folder: Path, files: list[dict[str, Any]]) -> Rows:
 
 
 def _delay_rows(folder: Path, files: list[dict[str, Any]]) -> Rows:
-    """How late the drivers saw the world, if they drove in a browser."""
+    """Delay with which drivers saw the world, if they drove in a browser."""
     import numpy as np
 
     from sonata2d.record.reader import read_episode
 
-    found = {}
+    trips = {}
     for file in files:
         summary = read_episode(folder / file["name"]).round_trip_summary()
         if summary is not None:
-            found[file["name"]] = summary
-    if not found:
+            trips[file["name"]] = summary
+    if not trips:
         return []
-    medians, percentiles = np.array(list(found.values())).T
-    slowest = max(found, key=lambda name: found[name])
+    medians, percentiles = np.array(list(trips.values())).T
+    slowest = max(trips, key=lambda name: trips[name])
     words = f"median {np.median(medians):.3f} s, 95th percentile {np.median(percentiles):.3f} s"
-    return [("round trip", f"{words} (medians of {len(found)} runs); slowest run {found[slowest][0]:.3f} s, {slowest}")]
+    return [("round trip", f"{words} (medians of {len(trips)} runs); slowest run {trips[slowest][0]:.3f} s, {slowest}")]
 
 
 def _measured(scene: Scene, name: Unmeasured, text: str) -> str:
-    """A description of what an episode has, unless the source of an imported one lacks it."""
+    """The text, unless the source of an imported episode lacks the value."""
     return "not in the source" if name in scene.unmeasured else text
 
 
@@ -150,7 +150,7 @@ def _landmarks(scene: Scene) -> list[tuple[str, tuple[object, ...]]]:
 
 
 def _episode_rows(path: Path) -> Rows:
-    """What an episode file contains."""
+    """Contents of an episode file."""
     from sonata2d.datasets.summaries import totals_of
     from sonata2d.record.reader import read_episode
 
@@ -173,7 +173,7 @@ def _episode_rows(path: Path) -> Rows:
         ("ignore the robot", sum(human.reacts_to_robot == 0.0 for human in scene.humans)),
         ("towards the robot", dict(sorted(Counter(human.reaction for human in scene.humans).items()))),
         ("objects", [thing.type for thing in scene.furniture]),
-        *((kind, len(found)) for kind, found in _landmarks(scene) if found),
+        *((kind, len(marks)) for kind, marks in _landmarks(scene) if marks),
         ("interactions", [[i.src, i.relation, i.dst] for i in scene.interactions]),
         ("robot", _measured(scene, "robot", f"{scene.robot.kinematics}, radius {scene.robot.radius:g} m")),
         (
@@ -212,8 +212,8 @@ def _agreement_json(agreement: Agreement) -> dict[str, Any]:
         "runs": agreement.runs,
         "runs_rated_by_two_or_more": agreement.shared,
         "between_raters": between,
-        "within_raters": [asdict(one) for one in agreement.within],
-        "disputed": [asdict(one) for one in agreement.disputed],
+        "within_raters": [asdict(consistency) for consistency in agreement.within],
+        "disputed": [asdict(run) for run in agreement.disputed],
     }
 
 
@@ -227,7 +227,7 @@ def _agreement_rows(agreement: Agreement) -> Rows:
     ]
     if agreement.measure:
         rows.append(("between raters", f"{agreement.measure}: {_coefficient(agreement.alpha)}"))
-    rows += [(f"within {one.rater}", _consistency_text(one)) for one in agreement.within]
+    rows += [(f"within {within.rater}", _consistency_text(within)) for within in agreement.within]
     disputed = [
         f"{run.file} ({', '.join(f'{rater}: {label}' for rater, label in run.labels.items())})"
         for run in agreement.disputed[:MAX_DISPUTED]
@@ -235,13 +235,13 @@ def _agreement_rows(agreement: Agreement) -> Rows:
     return [*rows, ("most disputed", disputed)] if disputed else rows
 
 
-def _consistency_text(one: RaterConsistency) -> str:
+def _consistency_text(within: RaterConsistency) -> str:
     """Agreement of a rater's first and repeated ratings."""
-    if one.same is None:
+    if within.same is None:
         return "no run rated twice"
     return (
-        f"{one.repeats} rated twice, {one.same:.0%} equal, mean difference {one.difference:.2f},"
-        f" {one.measure}: {_coefficient(one.value)}"
+        f"{within.repeats} rated twice, {within.same:.0%} equal, mean difference {within.difference:.2f},"
+        f" {within.measure}: {_coefficient(within.value)}"
     )
 
 

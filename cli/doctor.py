@@ -24,14 +24,15 @@ from sonata2d.errors import PluginWarning, Sonata2dError
 from sonata2d.registry import Registry
 
 from .command import Command
-from .common import examples, json_option, show_json
+from .options import examples, json_option
+from .output import show_json, wants_json
 
 PACKAGES = (
     "pymunk", "numpy", "pydantic", "pygame-ce", "pygame-gui", "orjson", "lazy-loader", "click", "tqdm", "PyYAML",
     "jinja2", "zstandard", "platformdirs", "filelock",
 )  # fmt: skip
 COMPILER = ("numba", "llvmlite")  # the interpreter runs the simulation without them
-MODULES = {"pygame-ce": "pygame", "PyYAML": "yaml"}  # where the name is not that of the package with underscores
+MODULES = {"pygame-ce": "pygame", "PyYAML": "yaml"}  # where the module is not named as the package
 EXTRAS = {  # name of the extra, what it adds, its modules
     "films": ("video", "gif and mp4", "imageio_ffmpeg", "PIL"),
     "plots": ("plots", "the picture of evaluate", "matplotlib"),
@@ -45,19 +46,19 @@ Finding = tuple[bool | None, str]  # whether the check passed (None: an optional
 
 @click.command(cls=Command, epilog=examples("doctor", "doctor --json"))
 @json_option
-def command(as_json: bool) -> None:
+def command() -> None:
     """Check that the installation works: packages, compiler, plug-ins, reproducibility, files, films, display, speed.
 
     The exit code is 1 if a required part is missing or anything fails; missing optional parts are only listed.
     """
-    rows = [(name, ok, found) for name, (ok, found) in findings().items()]
-    if as_json:
-        show_json([{"check": name, "ok": ok, "found": found} for name, ok, found in rows])
+    rows = [(name, ok, description) for name, (ok, description) in findings().items()]
+    if wants_json():
+        show_json([{"check": name, "ok": ok, "found": description} for name, ok, description in rows])
     else:
         marks = {True: "ok", False: "FAIL", None: "-"}
         width = max(len(name) for name, _, _ in rows)
-        for name, ok, found in rows:
-            click.echo(f"{marks[ok]:<5} {name:<{width}} {found}")
+        for name, ok, description in rows:
+            click.echo(f"{marks[ok]:<5} {name:<{width}} {description}")
     if any(ok is False for _, ok, _ in rows):
         raise click.exceptions.Exit(1)
 
@@ -81,15 +82,15 @@ def findings() -> dict[str, Finding]:
 def _package(name: str, *, is_required: bool = True) -> Finding:
     """The version of a package that can be imported."""
     try:
-        found = version(name)
+        installed = version(name)
     except PackageNotFoundError:
         return (False if is_required else None), f"missing; pip install {name}"
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     try:
         importlib.import_module(MODULES.get(name, name.replace("-", "_")))
     except Exception as error:  # a missing library of the system, a version of NumPy that is too new, ...
-        return False, f"{found} cannot be imported ({_reason(error)}); pip install -U {name}"
-    return True, found
+        return False, f"{installed} cannot be imported ({_reason(error)}); pip install -U {name}"
+    return True, installed
 
 
 def _extra(extra: str, use: str, *modules: str) -> Finding:
@@ -106,6 +107,7 @@ def _plugins() -> dict[str, Finding]:
     from sonata2d.agents.pedestrians.models.base import pedestrian_model
     from sonata2d.formats.api import format_named
     from sonata2d.scenegen.floor_plans import load_room_kind
+    from sonata2d.study.questions import question_kind
 
     loaders: tuple[tuple[registry.Registry, Callable[[str], object]], ...] = (
         (registry.CONTROLLERS, find_controller),
@@ -113,6 +115,8 @@ def _plugins() -> dict[str, Finding]:
         (registry.FORMATS, format_named),
         (registry.METRICS, _load_metric),
         (registry.ROOM_KINDS, load_room_kind),
+        (registry.QUESTION_KINDS, question_kind),
+        (registry.OBSERVATION_PARTS, _load_part),
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PluginWarning)  # the findings say the same
@@ -121,6 +125,12 @@ def _plugins() -> dict[str, Finding]:
             for kind, load in loaders
             for point in entry_points(group=kind.group)
         }
+
+
+def _load_part(name: str) -> object:
+    from sonata2d.gym.parts import part_named
+
+    return part_named(name)
 
 
 def _plugin(registry: Registry, load: Callable[[str], object], point: EntryPoint) -> Finding:
@@ -157,7 +167,7 @@ def _reason(error: Exception) -> str:
 
 
 def _kernels() -> Finding:
-    """How the compiled part of the simulation runs, and where its machine code is kept."""
+    """Whether the simulation runs compiled or interpreted, and the folder of the machine code."""
     from sonata2d.core.compiled import kernel as compiled
 
     if not compiled.IS_COMPILED:
@@ -172,7 +182,7 @@ def _kernels() -> Finding:
 
 
 def _trial_episode() -> Finding:
-    """Run an episode twice and compare its numbers with each other and with those of other machines."""
+    """Run an episode twice, and compare the numbers of both runs and of other machines."""
     digest, ticks = trial_digest()
     start = time.process_time()
     second, _ = trial_digest()

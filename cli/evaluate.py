@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 from click.core import ParameterSource
 
-from .command import Command, RenamedOption
-from .common import PATH, examples, json_option, note, progress, show_json
+from .command import Command
 from .controllers import CONTROLLER_NAMES
+from .options import PATH, examples, json_option
+from .output import echo, progress, show_json, wants_json
 from .workers import WorkerOptions, workers_options
 
 DEFAULT_SCENARIO = "sonata-2020"
@@ -48,19 +50,17 @@ DEFAULT_SCENARIO = "sonata-2020"
     "out",
     "-o",
     "--output",
-    "--out",
-    cls=RenamedOption,
     type=PATH,
     metavar="DIR",
     help="Store the episodes of the controllers in this folder, and continue them later; else they are deleted.",
 )
 @click.option(
     "--metric",
-    "names",
+    "metrics",
     multiple=True,
     metavar="NAME",
-    help="Metric to show; may be repeated. `all` shows all metrics; `socnavgym`, `hunavsim` or `socnav3` those of"
-    " another project.  [default: the main metrics]",
+    help="Metric to show; may be repeated. `all` shows all metrics; `socnavgym`, `hunavsim` or `socnav3` the"
+    " metrics of another project.  [default: the main metrics]",
 )
 @click.option(
     "--rerun/--no-rerun", default=True, help="Also run each seed without a robot, for metrics of its effect on people."
@@ -80,59 +80,50 @@ def command(
     paths: tuple[Path, ...],
     controllers: tuple[str, ...],
     scenarios: tuple[str, ...],
-    episodes: int,
-    seed: int,
     workers: WorkerOptions,
     out: Path | None,
-    names: tuple[str, ...],
-    rerun: bool,
-    resamples: int,
     picture: Path | None,
     page: Path | None,
-    as_json: bool,
+    **options: Any,
 ) -> None:
     """Compute metrics of recorded episodes, or run controllers in the same scenes and compare them.
 
     The table shows means with 95 % bootstrap intervals. Each data set gets a metrics.json with all metrics of every
     episode. docs/metrics.md explains the metrics.
     """
-    from sonata2d.metrics.comparison import COMPARISON, evaluate
+    from sonata2d.metrics.evaluating import COMPARISON, evaluate
     from sonata2d.metrics.plots import check_picture_path
 
     _check_arguments(paths, controllers, out)
     if picture is not None:
         check_picture_path(picture)
     if page is not None:
-        from sonata2d.metrics.page import check_page_path  # loads pygame and jinja2
+        from sonata2d.metrics.evaluation_page import check_page_path  # loads pygame and jinja2
 
         check_page_path(page)
     with workers.started() as pool:
         comparison = evaluate(
             {str(path): path for path in paths} if paths else {name: name for name in controllers},
             list(dict.fromkeys(scenarios or (DEFAULT_SCENARIO,))),
-            episodes=episodes,
-            seed=seed,
             workers=pool,
             out=out,
-            metrics=names,
-            rerun=rerun,
-            resamples=resamples,
             progress=progress,
+            **options,
         )
     if paths:
         comparison.save_metrics()
     for path in (page, picture):
         if path is not None:
             comparison.save(path, progress=progress)
-    if as_json:
+    if wants_json():
         show_json(comparison.to_json())
         return
     click.echo(comparison.table())
     for line in comparison.notes():
-        note(line)
+        echo(line)
     for name, path in {"stored": out and out / COMPARISON, "picture": picture, "page": page}.items():
         if path is not None:
-            note(f"{name}  {path}")
+            echo(f"{name}  {path}")
 
 
 def _check_arguments(paths: Sequence[Path], controllers: Sequence[str], out: Path | None) -> None:
@@ -144,8 +135,8 @@ def _check_arguments(paths: Sequence[Path], controllers: Sequence[str], out: Pat
         raise click.UsageError(f"give folders of recorded episodes, or --controller to run controllers: {problem}")
     if out is not None and (out / MANIFEST).exists():
         raise click.UsageError(f"{out} is a data set; give a folder for the data sets of the controllers")
-    given = click.get_current_context().get_parameter_source
-    is_set = {name: given(name) is not ParameterSource.DEFAULT for name in ("scenarios", "out", "episodes", "seed")}
+    source_of = click.get_current_context().get_parameter_source
+    is_set = {name: source_of(name) is not ParameterSource.DEFAULT for name in ("scenarios", "out", "episodes", "seed")}
     if paths and any(is_set.values()):
         raise click.UsageError(
             "--scenario, --output, --episodes and --seed require --controller; recorded episodes have their own scenes"

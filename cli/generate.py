@@ -15,19 +15,10 @@ import click
 from sonata2d.core.wording import counted
 
 from .command import Command, has_flag
-from .common import (
-    PATH,
-    compress_option,
-    episode_suffix,
-    examples,
-    exit_interrupted,
-    json_option,
-    note,
-    progress,
-    show_json,
-    show_table,
-)
-from .controllers import CONTROLLER_NAMES
+from .controllers import controller_option
+from .interrupts import exit_interrupted
+from .options import PATH, compress_option, examples, json_option
+from .output import echo, progress, show_json, show_table, wants_json
 from .workers import WorkerOptions, workers_options
 
 
@@ -41,12 +32,7 @@ from .workers import WorkerOptions, workers_options
 )
 @click.argument("out", type=PATH)
 @click.option("--scenario", default="sonata-2020", metavar="NAME|FILE", help="Scenario preset, or a scenario file.")
-@click.option(
-    "--controller",
-    default="social-planner",
-    metavar="NAME",
-    help=f"Controller that drives the robot and labels the frames. {CONTROLLER_NAMES}",
-)
+@controller_option
 @click.option("--episodes", type=click.IntRange(1), default=20, help="Number of episodes.")
 @click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the data set.")
 @workers_options
@@ -72,24 +58,19 @@ def command(
     scenario: str,
     controller: str,
     episodes: int,
-    seed: int,
     workers: WorkerOptions,
-    keep: tuple[str, ...],
-    shard_size: int | None,
     resume: bool,
     overwrite: bool,
-    compress: str,
     picture: bool,
-    as_json: bool,
+    **options: Any,
 ) -> None:
     """Generate a data set in the new folder OUT: episodes, manifest and data card.
 
     The same scenario, controller, seed and number of episodes give the same bytes, regardless of workers and
     interruptions.
     """
-    from sonata2d.datasets.generate import generate_dataset
-    from sonata2d.datasets.manifest import PREVIEW
-    from sonata2d.datasets.shards import stored_form
+    from sonata2d.datasets import generate_dataset
+    from sonata2d.datasets.manifest import PREVIEW, stored_form
     from sonata2d.scenegen.scenario.load import load_scenario
 
     if resume and overwrite:
@@ -97,25 +78,15 @@ def command(
     config = load_scenario(scenario)
     with workers.started() as pool, progress(episodes, "episodes") as advance, _hint_at_resume(out, overwrite):
         dataset = generate_dataset(
-            out,
-            config,
-            controller,
-            episodes=episodes,
-            seed=seed,
-            workers=pool,
-            keep=keep,
-            shard_size=shard_size,
-            resume=resume,
-            overwrite=overwrite,
-            suffix=episode_suffix(compress),
-            advance=advance,
-        )
+            out, config, controller, episodes=episodes, workers=pool, resume=resume, overwrite=overwrite,
+            advance=advance, **options,
+        )  # fmt: skip
     manifest = dataset.manifest
     assert manifest is not None
     first = out / manifest["files"][0]["name"]
     if picture:
         _draw(first, out / PREVIEW)
-    if as_json:
+    if wants_json():
         show_json(stored_form(manifest))
     else:
         _show_summary(out, first, manifest, picture)
@@ -127,8 +98,8 @@ def _hint_at_resume(out: Path, overwrite: bool) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt as error:
-        from sonata2d.datasets.generate import how_to_continue
-        from sonata2d.datasets.start import has_episodes
+        from sonata2d.datasets.generate.run import how_to_continue
+        from sonata2d.datasets.generate.start import has_episodes
 
         if not has_episodes(out):
             exit_interrupted(error, "; no episode is complete, run the same command again")
@@ -144,14 +115,14 @@ def _draw(episode: Path, picture: Path) -> None:
 
 
 def _show_summary(out: Path, first: Path, manifest: dict[str, Any], picture: bool) -> None:
-    """Print what was generated, and a command to run next."""
+    """Print a summary of the data set, and a command to run next."""
     from sonata2d.datasets.manifest import PREVIEW
     from sonata2d.datasets.summaries import totals_of
 
     totals = totals_of(manifest["files"])
     outcomes = ", ".join(f"{count} {name}" for name, count in manifest["counts"]["outcome"].items())
     amount = f"{counted(totals.episodes, 'episode')} of {manifest['name']}, {counted(totals.frames, 'frame')}"
-    note(f"{out}: {amount}, {totals.bytes / 1e6:.1f} MB")
+    echo(f"{out}: {amount}, {totals.bytes / 1e6:.1f} MB")
     rows: list[tuple[str, object]] = [("outcomes", outcomes), *totals.contacts.rows()]
     if "shards" in manifest:
         rows.append(("shards", f"{len(manifest['shards'])} of {manifest['shard_size']} episodes each"))
@@ -163,4 +134,4 @@ def _show_summary(out: Path, first: Path, manifest: dict[str, Any], picture: boo
     if not has_flag("quiet"):
         show_table(rows, indent="  ")
     program = "sonata2d" if shutil.which("sonata2d") else sys.argv[0]
-    note(f"next:  {program} render {shlex.quote(str(first))} -o {first.name.split('.')[0]}.html")
+    echo(f"next:  {program} render {shlex.quote(str(first))} -o {first.name.split('.')[0]}.html")

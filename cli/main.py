@@ -18,7 +18,8 @@ from sonata2d.core.wording import described, one_line
 from sonata2d.errors import Sonata2dError
 
 from .command import SETTINGS, Group, has_flag
-from .common import EXIT_BUG, examples, exit_despite_threads, exit_interrupted, raising_interruptions
+from .interrupts import EXIT_BUG, exit_despite_threads, exit_interrupted, raising_interruptions
+from .options import examples
 from .start import ended_by_ctrl_c
 
 # section of the overview: name of the command: (module and attribute, description)
@@ -29,7 +30,7 @@ SECTIONS = {
         "collect": ("collect:command", "Drive the robot in a window, or rate recorded episodes."),
         "serve": ("serve:command", "Serve a study: participants drive and rate in a browser."),
         "study": ("study:command", "Check a study file; tables of a study's results."),
-        "import": ("convert:import_command", "Import episodes from files of another program."),
+        "import": ("import_:command", "Import episodes from files of another program."),
     },
     "Evaluate and view": {
         "evaluate": ("evaluate:command", "Compute metrics of episodes, or compare controllers."),
@@ -37,19 +38,18 @@ SECTIONS = {
         "view": ("view:command", "Play episodes in a window, or watch a controller live."),
     },
     "Manage data sets": {
-        "check": ("dataset:check", "Verify a data set or an episode."),
+        "check": ("check:command", "Verify a data set or an episode."),
         "describe": ("describe:command", "Summarise a data set or an episode."),
-        "mirror": ("dataset:mirror", "Mirror a data set or an episode left to right."),
-        "split": ("dataset:split", "Split a data set into train, dev and test parts."),
-        "merge": ("dataset:merge", "Merge data sets into a new one."),
-        "card": ("dataset:card", "Write the data card of a data set, with figures."),
-        "export": ("convert:export_command", "Export episodes to a format of another program."),
+        "mirror": ("mirror:command", "Mirror a data set or an episode left to right."),
+        "split": ("split:command", "Split a data set into train, dev and test parts."),
+        "merge": ("merge:command", "Merge data sets into a new one."),
+        "card": ("card:command", "Write the data card of a data set, with figures."),
+        "export": ("export:command", "Export episodes to a format of another program."),
     },
     "Set up": {
         "scenarios": ("scenarios:command", "List, show and draw scenarios; make them from tracks."),
         "controllers": ("controllers:command", "List the available controllers."),
         "doctor": ("doctor:command", "Check that the installation works."),
-        "bench": ("bench:command", "Measure this machine."),
     },
 }
 WIDTH = max(len(name) for section in SECTIONS.values() for name in section)
@@ -132,12 +132,12 @@ def _origin(error: BaseException) -> tuple[traceback.FrameSummary, bool]:
 
     import sonata2d
 
-    own = [Path(__file__).parent, Path(str(sonata2d.__file__)).parent]
+    packages = [Path(__file__).parent, Path(str(sonata2d.__file__)).parent]
     libraries = [Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib", "platlib")]
     frames, is_exit = traceback.extract_tb(error.__traceback__), isinstance(error, SystemExit)
     for frame in reversed(frames):
         parents = Path(frame.filename).resolve().parents
-        if any(folder.resolve() in parents for folder in own):
+        if any(folder.resolve() in parents for folder in packages):
             if not is_exit:
                 return frame, True
         elif not any(folder.resolve() in parents for folder in libraries):

@@ -11,7 +11,8 @@ import click
 from sonata2d.core.wording import counted
 
 from .command import Command
-from .common import PATH, examples, json_option, note, progress, show_json
+from .options import PATH, examples, json_option
+from .output import progress, show_result
 
 if TYPE_CHECKING:
     from sonata2d.record.record import EpisodeRecord
@@ -53,7 +54,6 @@ def command(
     legend: bool | None,
     graph: bool,
     count: int | None,
-    as_json: bool,
     **options: Any,
 ) -> None:
     """Draw the episode FILE, or the first episodes of DIR side by side, as a picture, a film or a page.
@@ -62,14 +62,14 @@ def command(
     that plays an episode (.html).
     """
     from sonata2d.record.reader import read_episode
-    from sonata2d.view.draw import Layers
     from sonata2d.view.files import FILM_SUFFIXES, render
+    from sonata2d.view.layers import Layers
 
     if file.is_dir():
         has_others = any((options.pop("strip"), options.pop("size"), zones, ids, legend is not None, graph))
         if has_others:
             raise click.UsageError(f"{file} is a folder: only --count, --fps and --speed can be given with -o")
-        _draw_sheet(file, output, count, as_json, **options)
+        _draw_sheet(file, output, count, **options)
         return
     if count is not None:
         raise click.UsageError(f"--count is for folders, and {file} is a file")
@@ -79,7 +79,7 @@ def command(
             raise click.UsageError(
                 "--graph cannot be combined with --strip, --fps, --speed, --size, --zones, --ids or --legend"
             )
-        _draw_graph(record, output, as_json)
+        _draw_graph(record, output)
         return
     if legend is not None and output.suffix.lower() == ".html":
         raise click.UsageError("--legend and --no-legend have no effect on a page, which always has its legend")
@@ -96,26 +96,22 @@ def command(
             labels=record.labels,
             **options,  # strip, fps, speed, size
         )
-    if as_json:
-        show_json({"output": str(output), "frames": len(record)})
-    else:
-        note(f"{output}: {len(record)} frames, {record.outcome.status}")
+    result = {"output": str(output), "frames": len(record)}
+    show_result(result, f"{output}: {len(record)} frames, {record.outcome.status}")
 
 
-def _draw_sheet(folder: Path, output: Path, count: int | None, as_json: bool, **options: Any) -> None:
+def _draw_sheet(folder: Path, output: Path, count: int | None, **options: Any) -> None:
     """Draw the first episodes of a folder side by side."""
     from sonata2d.datasets.dataset import SHOWN, Dataset
 
     dataset, count = Dataset(folder), count or SHOWN
     dataset.save(output, count=count, progress=progress, **options)
     drawn = min(count, len(dataset))
-    if as_json:
-        show_json({"output": str(output), "episodes": drawn})
-    else:
-        note(f"{output}: {drawn} of {counted(len(dataset), 'episode')}")
+    result = {"output": str(output), "episodes": drawn}
+    show_result(result, f"{output}: {drawn} of {counted(len(dataset), 'episode')}")
 
 
-def _draw_graph(record: EpisodeRecord, output: Path, as_json: bool) -> None:
+def _draw_graph(record: EpisodeRecord, output: Path) -> None:
     """Draw the last of the paper's graphs of an episode."""
     from sonata2d.errors import RenderError
     from sonata2d.learning.graph import paper_graphs, save_graph
@@ -124,7 +120,5 @@ def _draw_graph(record: EpisodeRecord, output: Path, as_json: bool) -> None:
     if not graphs:
         raise RenderError(f"{record.path} is too short for a graph: {len(record)} frames last less than a second")
     save_graph(output, graphs[-1], dt=record.scene().rules.dt, title=f"{record.family}   {record.id}")
-    if as_json:
-        show_json({"output": str(output), "graphs": len(graphs), "edges": len(graphs[-1].relation)})
-    else:
-        note(f"{output}: the last of {len(graphs)} graphs, {len(graphs[-1].ticks)} instants")
+    result = {"output": str(output), "graphs": len(graphs), "edges": len(graphs[-1].relation)}
+    show_result(result, f"{output}: the last of {len(graphs)} graphs, {len(graphs[-1].ticks)} instants")

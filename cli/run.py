@@ -10,8 +10,9 @@ import click
 from sonata2d.core.wording import counted
 
 from .command import Command
-from .common import PATH, examples, json_option, note, progress, show_json, show_table
-from .controllers import CONTROLLER_NAMES
+from .controllers import controller_option
+from .options import PATH, examples, json_option
+from .output import echo, progress, show_json, show_table, wants_json
 
 _PICTURE = Path("run.png")
 
@@ -25,9 +26,9 @@ _PICTURE = Path("run.png")
     ),
 )
 @click.option("--scenario", default="sonata-2020", metavar="NAME|FILE", help="Scenario preset, or a scenario file.")
-@click.option("--controller", default="social-planner", metavar="NAME", help=f"Drives the robot. {CONTROLLER_NAMES}")
+@controller_option
 @click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the scene.")
-@click.option("--episode", type=click.IntRange(0), default=0, help="Number of the scene among those of the seed.")
+@click.option("--episode", type=click.IntRange(0), default=0, help="Number of the scene among the scenes of the seed.")
 @click.option(
     "outputs",
     "-o",
@@ -41,7 +42,7 @@ _PICTURE = Path("run.png")
     show_default=False,
 )
 @json_option
-def command(scenario: str, controller: str, seed: int, episode: int, outputs: tuple[Path, ...], as_json: bool) -> None:
+def command(scenario: str, controller: str, seed: int, episode: int, outputs: tuple[Path, ...]) -> None:
     """Run one episode, print its outcome and metrics, and draw it.
 
     The same seed and episode number give the same episode as in a data set that `generate` makes.
@@ -77,7 +78,7 @@ def command(scenario: str, controller: str, seed: int, episode: int, outputs: tu
     metrics = headline_metrics()
     values = measure(record, metrics, rerun=False)
     written = [str(path) for path in outputs]
-    if as_json:
+    if wants_json():
         show_json({"scene": scene.name, "seed": seed, "episode": episode, "controller": info.path,
                    "outcome": record.outcome.status, "reason": record.outcome.reason, "frames": len(record),
                    "metrics": values, "written": written})  # fmt: skip
@@ -88,10 +89,10 @@ def command(scenario: str, controller: str, seed: int, episode: int, outputs: tu
             ("scenario", f"{scene.family}, seed {seed}, episode {episode}, {counted(len(scene.humans), 'person')}"),
             ("controller", info.path),
             ("outcome", f"{record.outcome.status}: {record.outcome.reason}, after {record.outcome.time:g} s"),
-            *((one.name, f"{format_number(value)} {_unit(one.unit)}".rstrip()) for one, value in known),
+            *((metric.name, f"{format_number(value)} {_unit(metric.unit)}".rstrip()) for metric, value in known),
         ]
     )
-    note(f"written: {', '.join(written)}")
+    echo(f"written: {', '.join(written)}")
 
 
 def _unit(unit: str) -> str:

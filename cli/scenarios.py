@@ -9,8 +9,9 @@ from typing import Any
 import click
 
 from .command import Group
-from .common import PATH, examples, json_option, note, progress, show_json, show_table
-from .controllers import CONTROLLER_NAMES
+from .controllers import controller_option
+from .options import PATH, examples, json_option
+from .output import progress, show_json, show_result, show_table, wants_json
 
 
 def _parse_numbers(context: click.Context, option: click.Parameter, value: str | None) -> tuple[float, ...] | None:
@@ -38,12 +39,12 @@ def command() -> None:
 
 @command.command("list", epilog=examples("scenarios list"))
 @json_option
-def list_scenarios(as_json: bool) -> None:
+def list_scenarios() -> None:
     """List the presets."""
     from sonata2d.scenegen.scenario.load import scenario_names
 
     presets = scenario_names()
-    if as_json:
+    if wants_json():
         show_json([{"name": name, "about": about} for name, about in presets.items()])
     else:
         show_table(presets.items())
@@ -52,7 +53,7 @@ def list_scenarios(as_json: bool) -> None:
 @command.command("show", epilog=examples("scenarios show sonata-2020 > mine.yaml"))
 @click.argument("scenario", metavar="NAME|FILE")
 @json_option
-def show_scenario(scenario: str, as_json: bool) -> None:
+def show_scenario(scenario: str) -> None:
     """Print all settings of a scenario as YAML.
 
     The output includes defaults, and can serve as a starting point for a file of your own.
@@ -60,7 +61,7 @@ def show_scenario(scenario: str, as_json: bool) -> None:
     from sonata2d.scenegen.scenario.load import load_scenario
 
     settings = load_scenario(scenario).model_dump(mode="json")
-    if as_json:
+    if wants_json():
         show_json(settings)
     else:
         import yaml
@@ -74,7 +75,7 @@ def show_scenario(scenario: str, as_json: bool) -> None:
 @click.option("--scenes", type=click.IntRange(1, 100), default=6, help="Number of scenes.")
 @click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the scenes.")
 @json_option
-def draw_scenario(scenario: str, output: Path, scenes: int, seed: int, as_json: bool) -> None:
+def draw_scenario(scenario: str, output: Path, scenes: int, seed: int) -> None:
     """Draw scenes generated from a scenario side by side."""
     from sonata2d.scenegen.generator import generate
     from sonata2d.scenegen.scenario.load import load_scenario
@@ -82,10 +83,7 @@ def draw_scenario(scenario: str, output: Path, scenes: int, seed: int, as_json: 
 
     config = load_scenario(scenario)
     save_surface(scene_picture(*(generate(config, seed, episode) for episode in range(scenes))), output)
-    if as_json:
-        show_json({"picture": str(output), "scenes": scenes})
-    else:
-        note(f"{output}: {scenes} scenes of {config.name}")
+    show_result({"picture": str(output), "scenes": scenes}, f"{output}: {scenes} scenes of {config.name}")
 
 
 @command.command(
@@ -116,12 +114,10 @@ def draw_scenario(scenario: str, output: Path, scenes: int, seed: int, as_json: 
 @click.option("--goal", callback=_parse_numbers, metavar="X,Y", help="Position of the goal, m.  [default: random]")
 @click.option("--frame-time", type=click.FloatRange(1e-6, 3600.0), help="Duration of a frame, s, if not in the file.")
 @click.option(
-    "--speed",
-    type=click.FloatRange(0.1, 5.0),
-    help="Desired speed of people with short tracks, m/s.  [default: random]",
+    "--speed", type=click.FloatRange(0.1, 5.0), help="Speed of people with short tracks, m/s.  [default: random]"
 )
 @json_option
-def scenario_from_tracks(tracks: Path, output: Path, as_json: bool, **options: Any) -> None:
+def scenario_from_tracks(tracks: Path, output: Path, **options: Any) -> None:
     """Create a scenario from recorded tracks of people.
 
     FILE is a csv file with the columns frame, ped, x and y, or a TrajNet++ file (.ndjson).
@@ -133,11 +129,10 @@ def scenario_from_tracks(tracks: Path, output: Path, as_json: bool, **options: A
     config = from_tracks.scenario_from_tracks(tracks, **options)  # options have the names of its arguments
     from_tracks.save_scenario(config, output)
     replayed = sum(person.resolved_behaviour == "recorded" for person in config.people)
-    if as_json:
-        counts = {"people": len(config.people), "replayed": replayed, "walls": len(config.room.walls)}
-        show_json({"scenario": str(output), **counts})
-    else:
-        note(f"{output}: {config.description}; {len(config.people)} people, {replayed} of them replayed")
+    show_result(
+        {"scenario": str(output), "people": len(config.people), "replayed": replayed, "walls": len(config.room.walls)},
+        f"{output}: {config.description}; {len(config.people)} people, {replayed} of them replayed",
+    )
 
 
 @command.command(
@@ -149,24 +144,13 @@ def scenario_from_tracks(tracks: Path, output: Path, as_json: bool, **options: A
 )
 @click.argument("scenario", metavar="NAME|FILE")
 @click.option("--situation", metavar="NAME", help="Situation to check for.  [default: the name of the scenario]")
-@click.option(
-    "--controller",
-    default="social-planner",
-    metavar="NAME",
-    help=f"Controller that drives the robot. {CONTROLLER_NAMES}",
-)
+@controller_option
 @click.option("--episodes", type=click.IntRange(1), default=20, help="Number of episodes.")
 @click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the scenes.")
 @json_option
 @click.pass_context
 def check_scenario(
-    context: click.Context,
-    scenario: str,
-    situation: str | None,
-    controller: str,
-    episodes: int,
-    seed: int,
-    as_json: bool,
+    context: click.Context, scenario: str, situation: str | None, controller: str, episodes: int, seed: int
 ) -> None:
     """Check that a situation takes place in a scenario.
 
@@ -194,7 +178,7 @@ def check_scenario(
             verdicts.append(rehearse(config, situation, driver, seed=seed, episode=k, renderer=renderer_for(driver)))
             advance(1)
     took_place = sum(verdict.took_place for verdict in verdicts)
-    if as_json:
+    if wants_json():
         rows = [{"episode": k, "took_place": v.took_place, "told": v.description} for k, v in enumerate(verdicts)]
         show_json({"scenario": config.name, "situation": situation, "took_place": took_place, "episodes": rows})
     else:

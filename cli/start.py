@@ -19,7 +19,7 @@ def _end(number: int, frame: FrameType | None) -> None:
 def ended_by_ctrl_c() -> Iterator[None]:
     """End the process on Ctrl-C at once, with one line: for parts of the program that have no result yet.
 
-    A KeyboardInterrupt there can become any other error, as Python wraps those of class definitions, and click answers
+    A KeyboardInterrupt there can become any other error, as Python wraps errors of class definitions, and click answers
     one with "Aborted!". Does nothing where Ctrl-C is ignored or handled otherwise, as in tests.
     """
     is_main = threading.current_thread() is threading.main_thread()

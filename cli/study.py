@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .command import Group
-from .common import PATH, examples, json_option, note, progress, show_json, show_links, show_table
+from .options import PATH, examples, json_option
+from .output import echo, progress, show_json, show_links, show_result, show_table, wants_json
 
 if TYPE_CHECKING:
     from sonata2d.study.load import Study
@@ -28,7 +29,7 @@ _KINDS = {
 
 @click.group(cls=Group, epilog=examples("study check study.yaml", "study results OUT tables"))
 def command() -> None:
-    """Check the file of a study, and turn what participants did into tables.
+    """Check the file of a study, and write its results as tables.
 
     A study file (.yaml, .json or .toml) describes what participants read, drive, answer and rate.
     """
@@ -38,7 +39,7 @@ def command() -> None:
 @click.argument("file", type=PATH)
 @click.option("--participant", type=click.IntRange(1), default=1, help="Whose steps to show, in order of arrival.")
 @json_option
-def check(file: Path, participant: int, as_json: bool) -> None:
+def check(file: Path, participant: int) -> None:
     """Check a study file, and show the steps of a participant.
 
     Errors name line, key and value. Scenarios, recorded runs and translations are checked as well, and each scene that
@@ -52,11 +53,11 @@ def check(file: Path, participant: int, as_json: bool) -> None:
     with progress(study.number_of_scenes, "scene") as advance:
         study.check_scenes(advance)
     warnings = study.config.untranslated()
-    if as_json:
+    if wants_json():
         show_json({"steps": [_step_row(study, step) for step in steps], "warnings": warnings})
         return
     for warning in warnings:
-        note(f"warning: {warning}", err=True)
+        echo(f"warning: {warning}", err=True)
     show_table((row["step"], row["text"]) for row in (_step_row(study, step) for step in steps))
 
 
@@ -64,20 +65,20 @@ def _step_row(study: Study, step: Step) -> dict[str, Any]:
     """One step of a participant as text."""
     from sonata2d.collect.rating import plan_showings
     from sonata2d.core.wording import counted
-    from sonata2d.study.config import in_language, name_of_entry
+    from sonata2d.study.texts import in_language
 
-    what = ""
+    # A step is known by its questions, its scene or its runs; pages have titles.
     if step.kind == "questions":
-        what = ", ".join(name_of_entry(entry) for entry in step.entries)
+        details = ", ".join(entry.name for entry in step.entries)
     elif step.kind in ("run", "practice"):
-        what = f"{study.config_of(step.block).name}, scene {study.scene_number(step.block, step.scene)}"
+        details = f"{study.config_of(step.block).name}, scene {study.scene_number(step.block, step.scene)}"
     elif step.kind == "ratings":
         files, block = study.rated[step.block], study.config.ratings[step.block]
         repeats = len(plan_showings(files, block.repeats)) - len(files)
-        what = f"{counted(len(files), 'run')} of {block.folder}, {repeats or 'none'} of them twice"
+        details = f"{counted(len(files), 'run')} of {block.folder}, {repeats or 'none'} of them twice"
     else:
-        what = in_language(step.title, study.config.languages[0])
-    return {"step": step.id, "text": f"{_KINDS[step.kind]}{': ' if what else ''}{what}"}
+        details = in_language(step.title, study.config.languages[0])
+    return {"step": step.id, "text": f"{_KINDS[step.kind]}{': ' if details else ''}{details}"}
 
 
 @command.command("preview", epilog=examples("study preview study.yaml"))
@@ -85,20 +86,21 @@ def _step_row(study: Study, step: Step) -> dict[str, Any]:
 @click.option("--host", default="127.0.0.1", help="Address to listen at.")
 @click.option("--port", type=click.IntRange(0, 65535), default=8765, help="0: a free one.")
 @json_option
-def preview(file: Path, host: str, port: int, as_json: bool) -> None:
+def preview(file: Path, host: str, port: int) -> None:
     """Try a study in a browser as a participant; every step can be skipped.
 
     Prints a link, and runs until Ctrl+C. What is collected is deleted then.
     """
     from sonata2d.study.folder import StudyFolder
     from sonata2d.study.load import load_study
-    from sonata2d.web.serve import Settings, serve
+    from sonata2d.web.serve import serve
+    from sonata2d.web.settings import ServerSettings
 
     study = load_study(file)
     with TemporaryDirectory(prefix="sonata2d-preview-") as folder:
-        settings = Settings(host=host, port=port, participants=1, is_preview=True)
-        serve(StudyFolder(folder, study), settings, lambda links: show_links(links, as_json))
-    note("stopped; what was collected is deleted", err=True)
+        settings = ServerSettings(host=host, port=port, participants=1, is_preview=True)
+        serve(StudyFolder(folder, study), settings, show_links)
+    echo("stopped; the collected files are deleted", err=True)
 
 
 @command.command("results", epilog=examples("study results OUT tables", "study results OUT tables --personal"))
@@ -106,7 +108,7 @@ def preview(file: Path, host: str, port: int, as_json: bool) -> None:
 @click.argument("folder", type=PATH)
 @click.option("--personal", is_flag=True, help="Include the personal answers.")
 @json_option
-def results(out: Path, folder: Path, personal: bool, as_json: bool) -> None:
+def results(out: Path, folder: Path, personal: bool) -> None:
     """Write the results of a study as tables.
 
     FOLDER gets participants.csv, runs.csv, answers.csv, scores.csv (means of tables of statements, and of the parts of
@@ -117,7 +119,7 @@ def results(out: Path, folder: Path, personal: bool, as_json: bool) -> None:
     from sonata2d.study.report import save_results
 
     counts = save_results(out, folder, personal=personal)
-    if as_json:
+    if wants_json():
         show_json([str(path) for path in counts])
     else:
         show_table((path.name, counted(rows, "row")) for path, rows in counts.items())
@@ -128,7 +130,7 @@ def results(out: Path, folder: Path, personal: bool, as_json: bool) -> None:
 @click.argument("participant")
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @json_option
-def remove(out: Path, participant: str, yes: bool, as_json: bool) -> None:
+def remove(out: Path, participant: str, yes: bool) -> None:
     """Delete a participant's runs, ratings and answers, because they withdraw from the study.
 
     The link leads nowhere afterwards. The server has to be stopped; archives that were exported before are not changed.
@@ -140,10 +142,7 @@ def remove(out: Path, participant: str, yes: bool, as_json: bool) -> None:
     if not yes:
         click.confirm(f"Delete all files of {participant} in {out}?", abort=True, err=True)
     paths = remove_participant(out, participant)
-    if as_json:
-        show_json([str(path) for path in paths])
-    else:
-        note(f"{len(paths)} files deleted")
+    show_result([str(path) for path in paths], f"{len(paths)} files deleted")
 
 
 @command.command("export", epilog=examples("study export OUT study.zip", "study export OUT study.zip --personal"))
@@ -151,7 +150,7 @@ def remove(out: Path, participant: str, yes: bool, as_json: bool) -> None:
 @click.argument("file", type=PATH)
 @click.option("--personal", is_flag=True, help="Include the personal answers.")
 @json_option
-def export(out: Path, file: Path, personal: bool, as_json: bool) -> None:
+def export(out: Path, file: Path, personal: bool) -> None:
     """Write all that a study has collected to a ZIP file: runs, ratings, answers and tables.
 
     Links are left out.
@@ -159,7 +158,4 @@ def export(out: Path, file: Path, personal: bool, as_json: bool) -> None:
     from sonata2d.study.export import export_study
 
     path = export_study(out, file, personal=personal)
-    if as_json:
-        show_json(str(path))
-    else:
-        note(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
+    show_result(str(path), f"{path}: {path.stat().st_size / 1e6:.1f} MB")

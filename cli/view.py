@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 from .command import Command
-from .common import PATH, examples, json_option, language_option, show_json, size_option
 from .controllers import CONTROLLER_NAMES
+from .options import PATH, examples, json_option, language_option, size_option
+from .output import show_json, wants_json
 
 if TYPE_CHECKING:
     from sonata2d.core.devices import View
@@ -45,59 +46,36 @@ def command(
     seed: int | None,
     language: str,
     size: tuple[int, int] | None,
-    as_json: bool,
 ) -> None:
     """Play recorded episodes in a window, or watch a controller drive.
 
     DIR plays all episodes of a data set, FILE a single one. In the window you can pause, step, change the camera and
-    save pictures (PNG or SVG); F1 shows the keys.
+    save pictures (PNG or SVG); F1 shows the keys. With --live, the exit code is 1 if the controller raises an error.
     """
     from sonata2d.collect.texts import choose_language
+    from sonata2d.window.stage import Stage
 
     view: View = "follow" if follow else "top"
     choose_language(language)
     if live:
         if path is not None or controller is None:
             raise click.UsageError("--live needs --controller and takes no DIR|FILE")
-        _run_live(controller, scenario or "sonata-2020", seed or 0, view, speed, fps, size, as_json)
-        return
+        from sonata2d.scenegen.scenario.load import load_scenario
+        from sonata2d.window.live_screen import LiveScreen  # loads the simulation
+
+        drive = LiveScreen(load_scenario(scenario or "sonata-2020"), controller, seed or 0, view=view, speed=speed)
+        Stage(f"sonata2d: {controller}", size=size, fps=fps).run(drive)
+        if wants_json():
+            show_json({"outcomes": drive.outcomes, "failed": drive.failed})
+        click.get_current_context().exit(int(drive.failed))
     if path is None or (controller, scenario, seed) != (None, None, None):
         raise click.UsageError("give a DIR|FILE to play, or --live with --controller, --scenario and --seed")
-    _play(path, view, speed, fps, size, as_json)
-
-
-def _play(path: Path, view: View, speed: float, fps: int, size: tuple[int, int] | None, as_json: bool) -> None:
-    """Play an episode file or a data set."""
     from sonata2d.datasets.manifest import files_of
-    from sonata2d.window.stage import Stage
     from sonata2d.window.view_screen import ViewScreen
 
-    screen = ViewScreen(files_of(path), view=view, speed=speed)
-    Stage(f"sonata2d: {path}", size=size, fps=fps).run(screen)
-    if as_json:
-        show_json({"saved": [str(path) for path in screen.saved]})
-    for path in () if as_json else screen.saved:
+    replay = ViewScreen(files_of(path), view=view, speed=speed)
+    Stage(f"sonata2d: {path}", size=size, fps=fps).run(replay)
+    if wants_json():
+        show_json({"saved": [str(path) for path in replay.saved]})
+    for path in () if wants_json() else replay.saved:
         click.echo(f"saved: {path}")
-
-
-def _run_live(
-    controller: str,
-    scenario: str,
-    seed: int,
-    view: View,
-    speed: float,
-    fps: int,
-    size: tuple[int, int] | None,
-    as_json: bool,
-) -> None:
-    """Run a controller in generated scenes; exit with 1 if it fails."""
-    from sonata2d.scenegen.scenario.load import load_scenario
-    from sonata2d.window.live_screen import LiveScreen
-    from sonata2d.window.stage import Stage
-
-    screen = LiveScreen(load_scenario(scenario), controller, seed, view=view, speed=speed)
-    Stage(f"sonata2d: {controller}", size=size, fps=fps).run(screen)
-    if as_json:
-        show_json({"outcomes": screen.outcomes, "failed": screen.failed})
-    if screen.failed:
-        raise click.exceptions.Exit(1)

@@ -1,4 +1,4 @@
-"""Options that say what runs the work of a command: processes of this machine, or a Dask cluster."""
+"""Options for the workers of a command: processes of this machine, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import click
 from click.core import ParameterSource
 
 if TYPE_CHECKING:
-    from sonata2d.datasets.executors import Workers
+    from sonata2d.datasets.workers.executors import Workers
 
 _OPTIONS = (
     click.option(
@@ -23,7 +23,7 @@ _OPTIONS = (
         "--engine",
         type=click.Choice(["processes", "dask"]),
         default="processes",
-        help="Processes of this machine, or Dask: those of a cluster with --address, else a local one.",
+        help="Processes of this machine, or Dask: a cluster with --address, else local processes.",
     ),
     click.option("--address", metavar="URL", help="Scheduler of a Dask cluster, such as tcp://10.0.0.5:8786."),
     click.option(
@@ -37,7 +37,7 @@ _OPTIONS = (
 
 @dataclass(frozen=True, slots=True)
 class WorkerOptions:
-    """What a command line says about the workers."""
+    """Workers that a command line asks for."""
 
     number: int
     engine: str
@@ -51,13 +51,13 @@ class WorkerOptions:
         Raises:
             WorkerError: the cluster does not answer, or Dask is not installed.
         """
-        from sonata2d.datasets.executors import Workers
+        from sonata2d.datasets.workers.executors import Workers
 
         if self.engine == "processes":
             with Workers(self.number, task_size=self.task_size) as workers:
                 yield workers
             return
-        from sonata2d.datasets.dask_executor import DaskExecutor
+        from sonata2d.datasets.workers.dask_executor import DaskExecutor
 
         executor = DaskExecutor(self.address) if self.address else DaskExecutor(workers=self.number)
         with executor, Workers(executor, task_size=self.task_size) as workers:
@@ -72,9 +72,9 @@ def workers_options(command: Callable[..., None]) -> Callable[..., None]:
         *args: Any, workers: int, engine: str, address: str | None, task_size: int | None, **options: Any
     ) -> None:
         if address and engine != "dask":
-            raise click.UsageError("--address is that of a Dask scheduler; give --engine dask as well")
-        given = click.get_current_context().get_parameter_source("workers")
-        if address and given is not ParameterSource.DEFAULT:
+            raise click.UsageError("--address names a Dask scheduler; give --engine dask as well")
+        source = click.get_current_context().get_parameter_source("workers")
+        if address and source is not ParameterSource.DEFAULT:
             raise click.UsageError("--workers is for processes of this machine; a cluster has its own workers")
         command(*args, workers=WorkerOptions(workers, engine, address, task_size), **options)
 

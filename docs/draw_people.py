@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from sonata2d import Controller, Episode, Twist, generate, load_scenario
+from sonata2d import Controller, Episode, EpisodeRecorder, Twist, generate, load_scenario
 from sonata2d.core.entities import (
     TALKING,
     WALKING_TOGETHER,
@@ -28,9 +28,8 @@ from sonata2d.core.entities import (
 from sonata2d.core.geometry import Disc, Point, Pose, Rectangle
 from sonata2d.core.scene import Rules, Scene, Social
 from sonata2d.core.snapshot import Snapshot
-from sonata2d.metrics.situations import SnapshotCollector
-from sonata2d.view.draw import Layers
 from sonata2d.view.film import save_film
+from sonata2d.view.layers import Layers
 
 ROOT = Path(__file__).parent.parent
 
@@ -206,9 +205,9 @@ FILMS: dict[str, Callable[[], tuple[Scene, Controller]]] = {
 def snapshots_of(name: str) -> list[Snapshot]:
     """The snapshots of a film."""
     start, controller = FILMS[name]()
-    collector = SnapshotCollector()
-    Episode(start, controller, observers=[collector]).run()
-    return collector.snapshots
+    recorder = EpisodeRecorder()
+    Episode(start, controller, observers=[recorder]).run()
+    return list(recorder.record().snapshots())
 
 
 def main(folder: Path, names: Sequence[str]) -> None:

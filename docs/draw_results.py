@@ -1,22 +1,18 @@
-"""Draws the pictures of results in the docs with the command line: the office, a comparison, a data card, and a graph.
+"""Draws the pictures of results in the docs with the command line: the office, a comparison, and a graph.
 
 python docs/draw_results.py [FOLDER]
 """
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-from sonata2d.datasets.manifest import FIGURES
-
 ROOT = Path(__file__).parent.parent
 OFFICE_SEED = 10
 CONTROLLERS = ("straight-to-goal", "social-force", "social-planner")
-CARD_EPISODES = 40
 
 
 def main(folder: Path) -> None:
@@ -29,9 +25,7 @@ def main(folder: Path) -> None:
         command("render", office / "000000.json", "-o", folder / "office.png", "--size", 1000, 747)
         chosen = [word for name in CONTROLLERS for word in ("--controller", name)]
         command("evaluate", *chosen, "--picture", folder / "evaluate.png")
-        command("generate", runs, "--scenario", "lively", "--episodes", CARD_EPISODES)
-        command("card", runs)
-        shutil.copyfile(runs / FIGURES, folder / "card.png")
+        command("generate", runs, "--scenario", "lively", "--episodes", 1)
         command("render", runs / "000000.json", "-o", folder / "graph.png", "--graph")
 
 

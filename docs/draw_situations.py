@@ -8,14 +8,16 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from sonata2d import Episode, ScenarioConfig, SocialPlanner, generate, load_scenario
+from sonata2d import Episode, EpisodeRecord, EpisodeRecorder, ScenarioConfig, SocialPlanner, generate, load_scenario
+from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import Snapshot
-from sonata2d.metrics.situations import SITUATIONS, SnapshotCollector, judge
+from sonata2d.metrics.situations import SITUATIONS, judge
 from sonata2d.registry import ROOM_KINDS
 from sonata2d.scenegen.scenario.rooms import RoomConfig
-from sonata2d.view.draw import Layers, picture
+from sonata2d.view.draw import picture
 from sonata2d.view.files import render
 from sonata2d.view.film import save_film
+from sonata2d.view.layers import Layers
 from sonata2d.view.stills import save_surface, scene_picture
 
 ROOT = Path(__file__).parent.parent
@@ -32,14 +34,14 @@ def main(folder: Path) -> None:
     """Draw all pictures."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in SITUATIONS:
-        snapshots = run(name)
-        verdict = judge(name, snapshots)
+        record = run(generate(load_scenario(name), SEED))
+        verdict, snapshots = judge(name, record), list(record.snapshots())
         assert verdict.took_place, f"{name}: {verdict.description}"
         path, layers = folder / f"situation-{name}.png", Layers(legend=False)
         render(selected(snapshots), path, size=size_of(snapshots[0]), caption=name, layers=layers)
         sys.stdout.write(f"{name}: {verdict.description}\n")
     for name in ("sonata-2020", "sonata-2020-crowded", "lively", "crossing-flows"):
-        snapshots = run(name)
+        snapshots = list(run(generate(load_scenario(name), SEED)).snapshots())
         size = size_of(snapshots[0])
         render(snapshots, folder / f"preset-{name}.png", size=size, caption=name, layers=Layers(legend=False))
     waiting_room(folder / "waiting-room.png")
@@ -48,11 +50,11 @@ def main(folder: Path) -> None:
     groups(folder / "groups.png")
 
 
-def run(name: str) -> list[Snapshot]:
-    """All snapshots of one run."""
-    collector = SnapshotCollector()
-    Episode(generate(load_scenario(name), SEED), SocialPlanner(), observers=[collector]).run()
-    return collector.snapshots
+def run(scene: Scene) -> EpisodeRecord:
+    """One run of the expert."""
+    recorder = EpisodeRecorder()
+    Episode(scene, SocialPlanner(), observers=[recorder]).run()
+    return recorder.record()
 
 
 def selected(snapshots: list[Snapshot]) -> list[Snapshot]:
@@ -77,19 +79,16 @@ def size_of(snapshot: Snapshot) -> tuple[int, int]:
 
 def demo(path: Path) -> None:
     """The film of the README: the expert in an office."""
-    collector = SnapshotCollector()
     office = load_scenario(ROOT / "examples/scenarios/office.yaml")
-    Episode(generate(office, OFFICE_SEED), SocialPlanner(), observers=[collector]).run()
+    snapshots = list(run(generate(office, OFFICE_SEED)).snapshots())
     layers = Layers(grid=False, caption=False)
-    save_film(path, collector.snapshots, fps=8, speed=2.0, size=(520, 362), layers=layers, interpolate=False)
+    save_film(path, snapshots, fps=8, speed=2.0, size=(520, 362), layers=layers, interpolate=False)
 
 
 def waiting_room(path: Path) -> None:
     """People who come and go."""
-    collector = SnapshotCollector()
     scene = generate(load_scenario("waiting-room").changed(rules={"ends_on": ["time"]}), SEED)
-    Episode(scene, SocialPlanner(), observers=[collector]).run()
-    save_surface(picture(collector.snapshots[MOMENT], scale=75, layers=Layers(legend=True)), path)
+    save_surface(picture(run(scene).snapshot(MOMENT), scale=75, layers=Layers(legend=True)), path)
 
 
 def rooms(path: Path) -> None:

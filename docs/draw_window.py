@@ -18,11 +18,10 @@ import pygame
 from sonata2d import load_scenario
 from sonata2d.collect.rating import RatingSession
 from sonata2d.collect.session import Session
-from sonata2d.datasets.generate import generate_dataset
+from sonata2d.datasets import generate_dataset
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.view.stills import save_surface
 from sonata2d.window.collect_screen import CollectScreen
-from sonata2d.window.controls_screen import ControlsScreen
 from sonata2d.window.input import InputDevices
 from sonata2d.window.rate_screen import RateScreen
 from sonata2d.window.view_screen import ViewScreen
@@ -72,12 +71,9 @@ def collect(folder: Path, runs: Path, config: ScenarioConfig) -> None:
     person.press(pygame.K_g)
     person.wait(0.2)
     shoot("scene_panel")
-    person.press(pygame.K_ESCAPE)
-    person.stage.ui.clear_and_reset()
-    person.screen = ControlsScreen(InputDevices(), person.screen)  # type: ignore[arg-type]
-    person.screen.enter(person.stage)
+    person.press(pygame.K_ESCAPE, pygame.K_F1)
     person.wait(0.2)
-    shoot("remap")
+    shoot("help")
     session.close()
     pygame.quit()
 

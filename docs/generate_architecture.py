@@ -1,4 +1,4 @@
-"""Writes the drawing and table of packages in docs/architecture.md from docs/architecture.toml: `[--check]`."""
+"""Writes the drawing and the tables in docs/architecture.md from docs/architecture.toml: `[--check]`."""
 
 from __future__ import annotations
 
@@ -29,13 +29,23 @@ def table(rooms: list[dict[str, Any]]) -> str:
     return "\n".join(rows)
 
 
+def late_table(imports: list[dict[str, Any]]) -> str:
+    """One row for each module that imports by name."""
+    rows = ["| module | imports by name | reason |", "| --- | --- | --- |"]
+    for late in imports:
+        names = ", ".join(f"`{name}`" for name in late["imported"])
+        rows.append(f"| `{late['importer']}` | {names} | {late['reason']} |")
+    return "\n".join(rows)
+
+
 def main(arguments: list[str]) -> int:
-    rooms = tomllib.loads((DOCS / "architecture.toml").read_text(encoding="utf-8"))["package"]
+    structure = tomllib.loads((DOCS / "architecture.toml").read_text(encoding="utf-8"))
+    rooms = structure["package"]
     path = DOCS / "architecture.md"
     text = path.read_text(encoding="utf-8")
     before, _, rest = text.partition(BEGIN)
     _, _, after = rest.partition(END)
-    wanted = f"{before}{BEGIN}\n\n{drawing(rooms)}\n\n{table(rooms)}\n\n{END}{after}"
+    wanted = f"{before}{BEGIN}\n\n{drawing(rooms)}\n\n{table(rooms)}\n\n{late_table(structure['late'])}\n\n{END}{after}"
     if "--check" not in arguments:
         path.write_text(wanted, encoding="utf-8")
         return 0

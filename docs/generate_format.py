@@ -6,6 +6,7 @@ import inspect
 import json
 import re
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -13,17 +14,19 @@ from sonata2d.core.entities import Limits
 from sonata2d.core.humans import ACTIVITIES
 from sonata2d.core.labels import LabelSpec
 from sonata2d.core.scene import Rules, Social
-from sonata2d.datasets import manifest_models
-from sonata2d.datasets.plausibility import MAXIMUM_OVERLAP
+from sonata2d.datasets.check.plausibility import MAXIMUM_OVERLAP
+from sonata2d.datasets.manifest import models as manifest_models
 from sonata2d.record import models
+from sonata2d.registry import QUESTION_KINDS
 from sonata2d.scenegen.scenario import sections
 from sonata2d.scenegen.scenario.base import Normal, Settings, is_section
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.scenegen.scenario.people import PersonSpec
 from sonata2d.study import config as study
 from sonata2d.study.config import StudyConfig
+from sonata2d.study.questions import Question, ScaleConfig, question_kind
 from sonata2d.study.report import TABLES
-from sonata2d.study.scales import scale_named, scale_names
+from sonata2d.study.scales import Item, scale_named, scale_names
 from sonata2d.version import FORMAT, FORMAT_VERSION
 
 DOCS = Path(__file__).parent
@@ -68,7 +71,7 @@ frames.
 - Activities: {", ".join(f"{number} {name}" for number, name in enumerate(ACTIVITIES))}; -1 not present.
   A person is `standing`, or does whatever it stands for, from when it begins to brake, up to 1 s before it is at rest.
 - `sonata2d check` also requires people and robot to be inside the room, and outlines to overlap by {
-    1000 * MAXIMUM_OVERLAP:.0f} mm at most; `sonata2d/datasets/plausibility.py` defines its other tolerances.
+    1000 * MAXIMUM_OVERLAP:.0f} mm at most; `sonata2d/datasets/check/plausibility.py` defines its other tolerances.
 
 A data set is a folder of episode files named `{{episode:06d}}.json`, with a `manifest.json` (see
 [Manifest](#manifest); [JSON Schema](schema/manifest-v1.schema.json)), `scenario.json` with its settings, a data card
@@ -216,15 +219,18 @@ def _items_of(name: str) -> str:
 
 def study_page() -> str:
     """docs/study.md."""
-    parts = [kind for kind in vars(study).values() if _is_section(kind) and kind is not StudyConfig]
-    parts.sort(key=lambda kind: kind.__module__ != study.__name__)
+    sections = [section for section in vars(study).values() if _is_section(section)]
+    parts = [section for section in sections if section.__module__ == study.__name__ and section is not StudyConfig]
+    kinds = {name: question_kind(name) for name in QUESTION_KINDS.built_in}
     rows = []
     for name in scale_names():
         scale = scale_named(name)
         subscales = ", ".join(f"`{part}` ({len(scale.part([part]).items)})" for part in scale.subscales)
         rows.append(f"| `{name}` | {scale.title} | {subscales} | 1 to {scale.points} | {scale.source} |")
     items = [_items_of(name) for name in scale_names()]
-    settings = [_settings(part) for part in [StudyConfig, *parts]]
+    settings = [_settings(part) for part in [StudyConfig, *parts, Question]]
+    settings += [_settings(kind, f"kind: {name}", set(Question.model_fields)) for name, kind in kinds.items()]
+    settings += [_settings(part) for part in (Item, ScaleConfig)]
     return "\n".join([STUDY_INTRO, *settings, STUDY_SCALES, *rows, "", *items, STUDY_TABLES, *map(_columns_of, TABLES)])
 
 
@@ -238,18 +244,20 @@ def _is_section(kind: object) -> bool:
     return is_settings and not kind.__name__.startswith("_")
 
 
-def _settings(model: type[Settings]) -> str:
-    """The docstring of a section, and the defaults of its plain keys."""
+def _settings(model: type[Settings], title: str = "", hidden: Collection[str] = ()) -> str:
+    """The docstring of a section, and the defaults of its plain keys but the hidden ones."""
     plain = {k: f.get_default(call_default_factory=True) for k, f in model.model_fields.items() if not f.is_required()}
     given = model.model_construct(**plain).model_dump(mode="json")
-    return _listed(model, {key: value for key, value in given.items() if not is_section(type(plain[key]))})
+    shown = {k: value for k, value in given.items() if k not in hidden and not is_section(type(plain[k]))}
+    return _listed(model, shown, title)
 
 
-def _listed(section: type, defaults: dict[str, Any]) -> str:
+def _listed(section: type, defaults: dict[str, Any], title: str = "") -> str:
     """The docstring of a section, and its defaults."""
     rows = [f"{key}: {json.dumps(value)}" for key, value in defaults.items()]
     block = ["```yaml", *rows, "```"] if rows else []
-    return "\n".join([f"## {section.__name__}", "```text", inspect.cleandoc(section.__doc__ or ""), "```", *block, ""])
+    text = inspect.cleandoc(section.__doc__ or "")
+    return "\n".join([f"## {title or section.__name__}", "```text", text, "```", *block, ""])
 
 
 def pages() -> dict[Path, str]:

@@ -7,10 +7,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from sonata2d.metrics.catalogue import FAMILIES
-from sonata2d.metrics.definition import ARROWS, DEFINITIONS_VERSION, Metric
+from sonata2d.metrics.definition import ARROWS, DEFINITIONS_VERSION, NEEDS, Metric
 from sonata2d.metrics.interop import VARIANTS
 from sonata2d.metrics.summary import LEVEL, RESAMPLES
 
+HEAD = ("metric", "unit", "", "formula", "source")
 PAGE = Path(__file__).parent / "metrics.md"
 
 INTRO = f"""\
@@ -41,8 +42,11 @@ Conventions:
   velocity closed the gap at any of these states: the robot, the person, both or neither.
 - Intervals assume independent runs: of a data set with mirror images, evaluate only the originals. Three `hunavsim`
   variants differ between a run and its mirror image, as they do in that program.
-- A metric that is undefined for a run, or needs data that an imported run lacks, is null and not counted in n:
-  clearance in a room without people, time to goal of a failed run. Compare such means only together with n.
+- A metric that is not defined for a run is null and not counted in n: clearance in a room without people, time to goal
+  of a failed run. Compare such means only together with n.
+- *Needs* lists the data that a metric cannot do without: the robot, the goal, the outcome, the headings of people, the
+  seed (to run it again without the robot), or a key of the [episode file](format.md). For an imported run whose source
+  lacks one of them the metric is null too; tables and pages say "not measured" and name the data.
 - Means have the {100 * LEVEL:.0f} % interval of a percentile bootstrap over runs ({RESAMPLES} resamples, fixed seed).
   If all values are equal the interval has zero width, which does not mean that other values are impossible. With
   fewer than about twenty runs intervals are too narrow; generate more runs.
@@ -69,8 +73,8 @@ def page() -> str:
     """docs/metrics.md."""
     parts = [INTRO]
     for family, metrics in FAMILIES.items():
-        parts += [f"## {family}\n", *_rows(("metric", "unit", "", "formula", "source"), map(_row, metrics)), ""]
-    head = ("metric", "compare with", "unit", "", "formula", "source")
+        parts += [f"## {family}\n", *_rows((*HEAD, "needs"), map(_row, metrics)), ""]
+    head = (HEAD[0], "compare with", *HEAD[1:], "needs")
     return "\n".join([*parts, VARIANTS_INTRO, *_rows(head, map(_variant_row, VARIANTS)), ""])
 
 
@@ -84,12 +88,13 @@ def _line(cells: tuple[str, ...]) -> str:
 
 def _row(metric: Metric) -> tuple[str, ...]:
     name = f"**`{metric.name}`**" if metric.headline else f"`{metric.name}`"
-    return name, metric.unit, ARROWS[metric.better], metric.formula, metric.source
+    needs = ", ".join(need for need in NEEDS if need in metric.needs)
+    return name, metric.unit, ARROWS[metric.better], metric.formula, metric.source, needs
 
 
 def _variant_row(metric: Metric) -> tuple[str, ...]:
-    _, *rest, source = _row(metric)
-    return f"`{metric.name}`", f"`{metric.variant_of}`", *rest, source
+    name, *rest = _row(metric)
+    return name, f"`{metric.variant_of}`", *rest
 
 
 def main() -> int:

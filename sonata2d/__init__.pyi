@@ -16,10 +16,11 @@ from .core.proxemics import (
 from .core.scene import Scene as Scene
 from .core.snapshot import Frame as Frame, Observer as Observer, Outcome as Outcome, Snapshot as Snapshot
 from .datasets.dataset import Dataset as Dataset
-from .datasets.executors import Workers as Workers
-from .datasets.generate import generate_dataset as generate_dataset
+from .datasets.generate.run import generate_dataset as generate_dataset
+from .datasets.workers.executors import Workers as Workers
 from .errors import Sonata2dError as Sonata2dError
-from .metrics.comparison import Comparison as Comparison, evaluate as evaluate
+from .metrics.comparison import Comparison as Comparison
+from .metrics.evaluating import evaluate as evaluate
 from .record.reader import read_episode as read_episode
 from .record.record import EpisodeRecord as EpisodeRecord
 from .record.recorder import EpisodeRecorder as EpisodeRecorder, JsonRecorder as JsonRecorder

@@ -1,8 +1,9 @@
 """Named objects: built-in ones, and plug-ins that installed packages publish as entry points.
 
-Five kinds can be extended by other packages, each through an entry-point group: controllers (`sonata2d.controllers`),
-pedestrian models (`sonata2d.pedestrian_models`), formats (`sonata2d.formats`), metrics (`sonata2d.metrics`) and room
-kinds (`sonata2d.room_kinds`). CONTRIBUTING.md says what an entry point of each group must provide.
+These kinds can be extended by other packages, each through an entry-point group: controllers (`sonata2d.controllers`),
+pedestrian models (`sonata2d.pedestrian_models`), formats (`sonata2d.formats`), metrics (`sonata2d.metrics`), room kinds
+(`sonata2d.room_kinds`), question kinds (`sonata2d.question_kinds`) and parts of observations
+(`sonata2d.observation_parts`). CONTRIBUTING.md describes the entry points of each group.
 
 Listing names imports nothing; an object is imported when it is loaded.
 """
@@ -235,7 +236,28 @@ ROOM_KINDS = Registry(
     ConfigError,
 )
 
-_REGISTRIES = {one.kind: one for one in (CONTROLLERS, PEDESTRIAN_MODELS, FORMATS, METRICS, ROOM_KINDS)}
+_QUESTIONS = "sonata2d.study.questions"
+QUESTION_KINDS = Registry(
+    "question kind",
+    "sonata2d.question_kinds",
+    {
+        "yes_no": f"{_QUESTIONS}:YesNo",
+        "classes": f"{_QUESTIONS}:Classes",
+        "slider": f"{_QUESTIONS}:Slider",
+        "text": f"{_QUESTIONS}:FreeText",
+        "number": f"{_QUESTIONS}:Number",
+        "likert": f"{_QUESTIONS}:Likert",
+    },
+    ConfigError,
+)
+
+OBSERVATION_PARTS = Registry("observation part", "sonata2d.observation_parts", {}, ConfigError)
+"""`sonata2d.gym.parts` adds the built-in ones."""
+
+_REGISTRIES = {
+    registry.kind: registry
+    for registry in (CONTROLLERS, PEDESTRIAN_MODELS, FORMATS, METRICS, ROOM_KINDS, QUESTION_KINDS, OBSERVATION_PARTS)
+}
 
 
 def registered_objects() -> bytes:

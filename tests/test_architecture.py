@@ -21,41 +21,87 @@ TABLE = tomllib.loads((PACKAGE.parent / "docs" / "architecture.toml").read_text(
 PACKAGES = {package["name"]: package for package in TABLE["package"]}
 
 
+MODULES = {
+    ".".join(part for part in path.relative_to(PACKAGE).with_suffix("").parts if part != "__init__") or "sonata2d"
+    for path in PACKAGE.rglob("*.py")
+}
+
+LATE = {(entry["importer"], imported) for entry in TABLE["late"] for imported in entry["imported"]}
+
+
 def imported(node: ast.AST, parts: tuple[str, ...]) -> Iterator[tuple[str, str]]:
-    """What a node of a module imports.
+    """The imports of a statement.
 
     Args:
         node: any node of the syntax tree.
         parts: path of the module within sonata2d.
 
     Yields:
-        ("inside", package of sonata2d) or ("outside", third-party package).
+        ("inside", module of sonata2d) or ("outside", third-party package).
     """
     if isinstance(node, ast.Import):
         for alias in node.names:
             yield "outside", alias.name.split(".")[0]
-    elif isinstance(node, ast.ImportFrom) and node.level == 0 and (node.module or "").startswith("sonata2d."):
-        yield "inside", (node.module or "").split(".")[1]
-    elif isinstance(node, ast.ImportFrom) and node.level == 0:
+    elif isinstance(node, ast.ImportFrom) and node.level == 0 and not (node.module or "").startswith("sonata2d."):
         yield "outside", (node.module or "").split(".")[0]
     elif isinstance(node, ast.ImportFrom):
-        base = parts[: len(parts) - node.level]
+        base = parts[: len(parts) - node.level] if node.level else ()
+        package = ".".join([*base, *(node.module or "").removeprefix("sonata2d.").split(".")]).strip(".")
         for alias in node.names:
-            target = (*base, *(node.module or alias.name).split("."))
-            yield "inside", target[0]
+            module = f"{package}.{alias.name}".strip(".")
+            yield "inside", module if module in MODULES else package
 
 
-def all_imports() -> set[tuple[str, str, str, str]]:
-    """(package, module, "inside" or "outside", imported package), for all imports of sonata2d."""
-    found = set()
+def imported_by_name(tree: ast.Module) -> Iterator[str]:
+    """The modules of sonata2d that a module names in a text: an argument of `import_module`, or `"module:object"`.
+
+    A text may be an f-string that begins with a constant of the module.
+    """
+    constants = {
+        target.id: node.value.value
+        for node in tree.body
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+
+    def text_of(node: ast.AST) -> str:
+        if isinstance(node, ast.JoinedStr):
+            return "".join(text_of(part) for part in node.values)
+        if isinstance(node, ast.FormattedValue) and isinstance(node.value, ast.Name):
+            return str(constants.get(node.value.id, ""))
+        return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
+
+    for node in ast.walk(tree):
+        names = [text_of(node).rpartition(":")[0]]
+        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+            names += [text_of(argument) for argument in node.args]
+        for name in names:
+            if name.startswith("sonata2d.") and name.removeprefix("sonata2d.") in MODULES:
+                yield name.removeprefix("sonata2d.")
+
+
+def all_imports() -> set[tuple[str, str, str]]:
+    """(module, "inside" or "outside", imported module or third-party package), for all imports of sonata2d.
+
+    Imports inside functions, of types only and by name are included.
+    """
+    imports = set()
     for path in [*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.pyi")]:
-        parts = path.relative_to(PACKAGE).with_suffix("").parts
-        for node in ast.walk(ast.parse(path.read_text())):
-            found |= {(parts[0], ".".join(parts), where, name) for where, name in imported(node, parts)}
-    return found
+        parts, tree = path.relative_to(PACKAGE).with_suffix("").parts, ast.parse(path.read_text())
+        module = ".".join(part for part in parts if part != "__init__") or "sonata2d"
+        imports |= {(module, *found) for node in ast.walk(tree) for found in imported(node, parts)}
+        imports |= {(module, "inside", name) for name in imported_by_name(tree)}
+    return imports
+
+
+def is_late(importer: str, module: str) -> bool:
+    """Whether the table lists an import, by the name of the imported module or of a package that contains it."""
+    return any(entry == importer and (module == listed or module.startswith(f"{listed}.")) for entry, listed in LATE)
 
 
 IMPORTS = all_imports()
+INSIDE = {(importer, module) for importer, where, module in IMPORTS if where == "inside"}
 
 
 def test_the_table_lists_every_package() -> None:
@@ -64,45 +110,55 @@ def test_the_table_lists_every_package() -> None:
     assert packages == set(PACKAGES)
 
 
-@pytest.mark.parametrize("package", PACKAGES)
-def test_imports_go_down_only(package: str) -> None:
+def goes_down(importer: str, module: str) -> bool:
+    """Whether an import stays in its package, or leads to a package that the table allows."""
+    package, other = importer.split(".")[0], module.split(".")[0]
     entry = PACKAGES[package]
-    allowed = {name for name, other in PACKAGES.items() if other["floor"] < entry["floor"]}
-    allowed |= {package, *entry.get("beside", {})}
-    wrong = {
-        f"{module} imports {name}"
-        for importer, module, where, name in IMPORTS
-        if importer == package and where == "inside" and name not in allowed
-    }
-    assert not wrong
+    return other == package or other in entry.get("beside", {}) or PACKAGES[other]["floor"] < entry["floor"]
+
+
+def test_imports_go_down_only() -> None:
+    """Holds wherever an import stands, unless `late` in the table lists it."""
+    wrong = {pair for pair in INSIDE if pair[0] != "sonata2d" and not goes_down(*pair)}
+    assert not {f"{importer} imports {module}" for importer, module in wrong if not is_late(importer, module)}
+
+
+def test_imports_have_no_cycle() -> None:
+    """Considers all imports, also those inside functions and of types only, without the listed late ones."""
+    order = TopologicalSorter(graph_of({pair for pair in INSIDE if not is_late(*pair)}))
+    order.prepare()  # raises CycleError and names the cycle
+
+
+def test_every_listed_late_import_goes_up_or_closes_a_cycle() -> None:
+    for importer, listed in LATE:
+        pairs = {(a, b) for a, b in INSIDE if a == importer and f"{b}.".startswith(f"{listed}.")}
+        above = {pair for pair in pairs if not goes_down(*pair)}
+        assert above or any(importer in reachable(module) for _, module in pairs), f"{importer} imports no {listed}"
+
+
+def reachable(module: str) -> set[str]:
+    """The modules that a module imports, directly or through others."""
+    graph, reached, remaining = graph_of(INSIDE), set[str](), [module]
+    while remaining:
+        for following in graph.get(remaining.pop(), set()) - reached:
+            reached.add(following)
+            remaining.append(following)
+    return reached
+
+
+def graph_of(pairs: set[tuple[str, str]]) -> dict[str, set[str]]:
+    """The imported modules of each module."""
+    graph: dict[str, set[str]] = {}
+    for importer, module in pairs:
+        if importer != module:
+            graph.setdefault(importer, set()).add(module)
+    return graph
 
 
 @pytest.mark.parametrize("third_party", TABLE["restricted"])
 def test_restricted_third_party_packages_are_imported_where_the_table_allows_it(third_party: str) -> None:
-    importers = {package for package, _, where, name in IMPORTS if where == "outside" and name == third_party}
+    importers = {module.split(".")[0] for module, where, name in IMPORTS if where == "outside" and name == third_party}
     assert importers == {name for name, package in PACKAGES.items() if third_party in package.get("outside", ())}
-
-
-def test_module_imports_have_no_cycle() -> None:
-    """Considers imports at the top level of modules only."""
-    order = TopologicalSorter(module_graph())
-    order.prepare()  # raises CycleError and names the cycle
-
-
-def module_graph() -> dict[str, set[str]]:
-    """The modules of sonata2d that each module imports at its top level."""
-    paths = {".".join(path.relative_to(PACKAGE).with_suffix("").parts): path for path in PACKAGE.rglob("*.py")}
-    graph: dict[str, set[str]] = {}
-    for module, path in paths.items():
-        base = module.split(".")
-        nodes = [node for node in ast.parse(path.read_text()).body if isinstance(node, ast.ImportFrom) and node.level]
-        wanted = {
-            ".".join([*base[: len(base) - node.level], *(node.module or "").split("."), alias.name]).replace("..", ".")
-            for node in nodes
-            for alias in node.names
-        }
-        graph[module] = {name if name in paths else name.rpartition(".")[0] for name in wanted} & set(paths)
-    return graph
 
 
 def test_no_public_name_is_the_name_of_a_module() -> None:

@@ -50,8 +50,7 @@ def make_dataset(out: Path, driver: str, episodes: int, seed: int, workers: int,
     shutil.rmtree(data, ignore_errors=True)
     add_mirror_images(originals, data)
     split_dataset(data, PARTS)
-    with progress_bar("card", len(read_manifest(data)["files"])) as advance:
-        write_card(data, advance=advance)
+    write_card(data)
     return data
 
 

@@ -21,7 +21,7 @@ from settings import OURS, SETTINGS, title_of
 
 from sonata2d import read_episode
 from sonata2d.metrics import Measured, bootstrap_interval, wilson_interval
-from sonata2d.metrics.page import best_of, why_best, why_worst, worst_of
+from sonata2d.metrics.exemplars import best_of, why_best, why_worst, worst_of
 from sonata2d.record.files import safe_text, safe_texts
 from sonata2d.view import render
 

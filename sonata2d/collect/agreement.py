@@ -8,6 +8,7 @@ m times their sum of squares about the mean, which gives observed and expected d
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -21,11 +22,11 @@ from ..core.portable_math import Array
 from .rating import Rating, questions
 
 Metric = Literal["nominal", "ordinal", "interval"]
-METRIC: dict[str, Metric] = {"yes_no": "nominal", "classes": "ordinal", "slider": "interval"}
-_CONSISTENCY_MEASURE = {
-    "yes_no": "Cohen's kappa",
-    "classes": "Cohen's kappa, quadratic weights",
-    "slider": "intraclass correlation ICC(2,1)",
+# By kind of the label: metric between raters, and name of the coefficient within a rater. Texts have neither.
+_MEASURES: dict[str, tuple[Metric, str]] = {
+    "yes_no": ("nominal", "Cohen's kappa"),
+    "classes": ("ordinal", "Cohen's kappa, quadratic weights"),
+    "slider": ("interval", "intraclass correlation ICC(2,1)"),
 }
 
 
@@ -105,18 +106,19 @@ def agreement(ratings: Sequence[Rating], spec: LabelSpec) -> Agreement:
     raters = tuple(sorted({rating.rater for rating in ratings}))
     by_run = _first_ratings(rating for rating in ratings if rating.showing == 1)
     shared = {run: by_rater for run, by_rater in by_run.items() if len(by_rater) > 1}
-    metric = METRIC.get(spec.kind)
-    values = [[float(r.label) for r in by_rater.values()] for by_rater in shared.values()] if metric else []
+    counts = (len(ratings), len({rating.sha256 for rating in ratings}), len(shared))
+    if spec.kind not in _MEASURES:
+        return Agreement(spec, raters, *counts, within=(), measure="", alpha=None, disputed=())
+    metric, _ = _MEASURES[spec.kind]
+    values = [[float(rating.label) for rating in by_rater.values()] for by_rater in shared.values()]
     return Agreement(
-        spec=spec,
-        raters=raters,
-        ratings=len(ratings),
-        runs=len({rating.sha256 for rating in ratings}),
-        shared=len(shared),
-        within=tuple(_consistency(rater, ratings, spec) for rater in raters) if metric else (),
-        measure=f"Krippendorff's alpha, {metric}" if metric else "",
-        alpha=krippendorff_alpha(values, metric) if metric else None,
-        disputed=_disputed_runs(shared, spec) if metric else (),
+        spec,
+        raters,
+        *counts,
+        within=tuple(_consistency(rater, ratings, spec) for rater in raters),
+        measure=f"Krippendorff's alpha, {metric}",
+        alpha=krippendorff_alpha(values, metric),
+        disputed=_disputed_runs(shared, spec),
     )
 
 
@@ -213,16 +215,19 @@ def _first_ratings(ratings: Iterable[Rating]) -> dict[str, dict[str, Rating]]:
 
 
 def _consistency(rater: str, ratings: Iterable[Rating], spec: LabelSpec) -> RaterConsistency:
-    own = [rating for rating in ratings if rating.rater == rater]
-    first, second = ({r.sha256: float(r.label) for r in own if r.showing == showing} for showing in (1, 2))
-    pairs = [(first[run], value) for run, value in second.items() if run in first]
-    measure = _CONSISTENCY_MEASURE[spec.kind]
+    """Agreement of a rater's first and repeated ratings."""
+    by_showing: defaultdict[int, dict[str, float]] = defaultdict(dict)  # labels by hash of the run
+    for rating in ratings:
+        if rating.rater == rater:
+            by_showing[rating.showing][rating.sha256] = float(rating.label)
+    pairs = [(by_showing[1][run], value) for run, value in by_showing[2].items() if run in by_showing[1]]
+    metric, measure = _MEASURES[spec.kind]
     if not pairs:
         return RaterConsistency(rater, 0, None, None, measure, None)
     same = sum(a == b for a, b in pairs) / len(pairs)
     difference = sum(abs(a - b) for a, b in pairs) / len(pairs)
     before, after = zip(*pairs, strict=True)
-    value = intraclass_correlation(pairs) if spec.kind == "slider" else weighted_kappa(before, after)
+    value = intraclass_correlation(pairs) if metric == "interval" else weighted_kappa(before, after)
     return RaterConsistency(rater, len(pairs), same, difference, measure, value)
 
 

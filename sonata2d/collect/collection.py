@@ -6,7 +6,7 @@ import logging
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,8 @@ from ..core.files.locking import acquired_lock
 from ..core.files.whole_file import sync_folder
 from ..core.geometry import PRECISION
 from ..core.wording import shown
-from ..datasets.card import write_manifest_and_card
+from ..datasets.card.write import write_manifest_and_card
+from ..datasets.generate.progress import append_to_log
 from ..datasets.manifest import (
     CROISSANT,
     DATASET_FORMAT,
@@ -27,11 +28,10 @@ from ..datasets.manifest import (
     MANIFEST,
     METRICS,
     SCENARIO,
-    manifest_entry,
     read_manifest,
+    row_of,
     write_json,
 )
-from ..datasets.progress import append_to_log
 from ..errors import ConfigError, RecordError
 from ..record.canonical import parse_header
 from ..record.files import (
@@ -50,8 +50,8 @@ from ..version import PHYSICS_VERSION
 
 logger = logging.getLogger(__name__)
 
-DISCARDED, JOURNALS = "discarded", "journal"  # subfolders
-MAXIMUM_NAME_LENGTH = 1000  # characters of a contributor's name
+DISCARDED, _JOURNALS = "discarded", "journal"  # subfolders
+_MAXIMUM_NAME_LENGTH = 1000  # characters of a contributor's name
 
 
 class Collection:
@@ -75,9 +75,10 @@ class Collection:
     def __init__(self, folder: Path, contributor: str, settings: dict[str, Any], suffix: str = ".json") -> None:
         self.folder, self.contributor, self._suffix = folder, checked_name(contributor), suffix
         require_collection_folder(folder)
-        self.journal = folder / JOURNALS / f"{safe_stem(self.contributor)}.jsonl"
+        self.journal = folder / _JOURNALS / f"{safe_stem(self.contributor)}.jsonl"
         self.kept = 0
-        self._lock = _lock(self.journal.with_suffix(".lock"), self.contributor)
+        message = f"another window of {self.contributor} uses {folder}; close it first"
+        self._lock = acquired_lock(self.journal.with_suffix(".lock"), message)
         self._kept_paths: list[Path] = []  # of this session
         try:
             self._rows = self._write_manifest({})
@@ -92,8 +93,7 @@ class Collection:
         rows = [row for row in self._rows.values() if row["contributor"] == self.contributor]
         discarded = sorted((self.folder / DISCARDED).glob(f"{self.journal.stem}__*"))
         rows += [header for path in discarded if (header := _header(path))]
-        numbers = [int(row["episode"]) for row in rows if row.get("seed") == seed]
-        return max(numbers, default=-1) + 1
+        return max((int(row["episode"]) for row in rows if row.get("seed") == seed), default=-1) + 1
 
     def kept_runs(self, seed: int) -> dict[int, str]:
         """File names of this contributor's runs with a seed, by number of the scene."""
@@ -182,7 +182,7 @@ class Collection:
         Raises:
             RecordError: a file cannot be deleted.
         """
-        # Ids may contain dots and underscores: the names of one must not match those of another.
+        # Ids may contain dots and underscores: the pattern of one contributor must not match files of another.
         run = re.compile(re.escape(self.journal.stem) + r"__\d{8}T\d{6}Z__.+")
         journal = re.compile(re.escape(self.journal.stem) + r"\.(jsonl|\d+T\d+\.aside)")
         places = [(self.folder, run), (self.folder / DISCARDED, run), (self.journal.parent, journal)]
@@ -197,8 +197,8 @@ class Collection:
                 path.unlink()
             log = self.folder / LOG
             lines = read_bytes(log).splitlines(keepends=True) if log.exists() else []
-            own = orjson.dumps({"contributor": self.contributor})[1:-1]
-            write_atomically(log, b"".join(line for line in lines if own not in line))
+            contributor = orjson.dumps({"contributor": self.contributor})[1:-1]
+            write_atomically(log, b"".join(line for line in lines if contributor not in line))
         except OSError as error:
             raise RecordError(f"{error.filename} cannot be deleted: {error.strerror}") from error
         self._kept_paths = []
@@ -243,21 +243,17 @@ class Collection:
         rows: dict[str, JsonDict] = {}
         try:
             # The folder is listed under the lock: a list from before would omit runs that others have kept since.
-            with FileLock(self.folder / JOURNALS / "manifest.lock", timeout=10):
-                rows = self._read_rows(known)
+            with FileLock(self.folder / _JOURNALS / "manifest.lock", timeout=10):
+                rows = _read_rows(self.folder, known)
                 manifest = manifest_of_runs(list(rows.values())) | {"split": _valid_split(self.folder, rows)}
                 write_manifest_and_card(self.folder, manifest)
         except (RecordError, Timeout) as error:
-            rows = rows or self._read_rows(known)
+            rows = rows or _read_rows(self.folder, known)
             if not rows:
                 raise
             logger.warning("%s; the next run writes the manifest again", error)
         self.kept = sum(row["contributor"] == self.contributor for row in rows.values())
         return rows
-
-    def _read_rows(self, known: dict[str, JsonDict]) -> dict[str, JsonDict]:
-        """Manifest rows of all runs in the folder, by file name."""
-        return {str(row["name"]): row for row in _read_rows(self.folder, known)}
 
 
 def checked_name(contributor: str) -> str:
@@ -267,10 +263,10 @@ def checked_name(contributor: str) -> str:
         ConfigError: the name is empty or too long, or has characters that cannot be displayed or stored.
     """
     name = contributor.strip()
-    if not name or len(name) > MAXIMUM_NAME_LENGTH:
+    if not name or len(name) > _MAXIMUM_NAME_LENGTH:
         problem = f"has {len(name)} characters" if name else "is empty"
         raise ConfigError(
-            f"the contributor's name {problem}; give a name or a pseudonym of 1 to {MAXIMUM_NAME_LENGTH} characters"
+            f"the contributor's name {problem}; give a name or a pseudonym of 1 to {_MAXIMUM_NAME_LENGTH} characters"
         )
     if not name.isprintable() or any("\ud800" <= c <= "\udfff" for c in name):
         raise ConfigError(f"the contributor's name {shown(name)} has unprintable characters; remove them")
@@ -308,7 +304,7 @@ def require_collection_folder(folder: Path) -> None:
     """Raise RecordError unless the folder is new, empty of JSON files, or a collection."""
     if folder.exists() and not folder.is_dir():
         raise RecordError(f"{folder} is a file; choose another name for the folder")
-    if (folder / JOURNALS).is_dir():
+    if (folder / _JOURNALS).is_dir():
         return  # a collection, even if its manifest is damaged: the manifest is rebuilt from the files
     if (folder / MANIFEST).exists():
         manifest = read_manifest(folder)
@@ -320,35 +316,38 @@ def require_collection_folder(folder: Path) -> None:
         raise RecordError(f"{folder} holds JSON files but no {MANIFEST}; choose another folder")
 
 
-def _lock(path: Path, contributor: str) -> FileLock:
-    """The acquired lock of a contributor's runs."""
-    return acquired_lock(path, f"another window of {contributor} uses {path.parent.parent}; close it first")
+def _read_rows(folder: Path, known: dict[str, JsonDict]) -> dict[str, JsonDict]:
+    """Manifest rows of all runs in a folder, by file name.
 
-
-def _read_rows(folder: Path, known: dict[str, JsonDict]) -> Iterator[JsonDict]:
-    """Manifest rows of all runs; a file is read only if its row is unknown and not listed, or its size has changed."""
+    A file is read only if its row is neither known nor listed in the manifest, or if its size has changed.
+    """
     try:
         listed = {row["name"]: row for row in read_manifest(folder)["files"]} if (folder / MANIFEST).exists() else {}
     except RecordError as error:
         listed = {}
         logger.warning("%s; it is rebuilt from the episode files", error)
     known = listed | known
+    rows = {}
     for path in sorted(folder.iterdir()):
         is_other_file = path.name in (MANIFEST, SCENARIO, METRICS, CROISSANT) or path.name.startswith(".")
         if is_other_file or not path.name.endswith(SUFFIXES):
             continue
         row = known.get(path.name)
         try:
-            yield row if row is not None and row["bytes"] == path.stat().st_size else _read_row(path)
+            if row is None or row["bytes"] != path.stat().st_size:
+                row = _read_row(path)
         except FileNotFoundError:
             continue  # another contributor has taken the run back
         except RecordError as error:
             logger.warning("%s; the file is omitted from the manifest", error)
+        else:
+            rows[path.name] = row
+    return rows
 
 
 def _read_row(path: Path) -> JsonDict:
     record = read_episode(path)
-    return manifest_entry(record).row() | {"contributor": record.contributor or "", "seed": record.seed}
+    return row_of(record) | {"contributor": record.contributor or "", "seed": record.seed}
 
 
 def _valid_split(folder: Path, names: Iterable[str]) -> JsonDict | None:

@@ -29,7 +29,7 @@ from ..sim.episode import TickInput
 
 logger = logging.getLogger(__name__)
 
-HEADER_KEYS = {"settings", "seed", "episode", "physics", "controller", "contributor"}
+_HEADER_KEYS = {"settings", "seed", "episode", "physics", "controller", "contributor"}
 UNDONE = "undone"  # key of the header: name of the kept file that the run was taken from
 
 
@@ -178,7 +178,7 @@ def read_journal(path: Path) -> OpenRun | None:
             if "command" in row
         ]
         last_events = [_events(row["last"]) for row in rows if "last" in row]
-        if ticks and not header.keys() >= HEADER_KEYS:
+        if ticks and not header.keys() >= _HEADER_KEYS:
             raise KeyError("settings")
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise RecordError(f"{path} is not the journal of a run ({error!r})") from error

@@ -4,27 +4,26 @@ from __future__ import annotations
 
 import hashlib
 import logging
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from datetime import UTC, datetime
 from math import ceil
 from pathlib import Path
-from typing import Any, BinaryIO
-
-import orjson
+from typing import Any
 
 from ..core.bounds import Count, NotNegative
 from ..core.labels import LabelSpec
 from ..datasets.manifest import files_of
-from ..errors import ConfigError, NewerFormatError, RecordError
-from ..record.files import read_bytes, safe_stem, sha256_of
+from ..errors import ConfigError, RecordError
+from ..record import models
+from ..record.files import safe_stem, sha256_of
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..record.validate import schema_findings
+from .json_lines import append_line, read_lines
 
 FOLDER, SUFFIX = "ratings", ".jsonl"
-RATING_VERSION = 1
+_RATING_VERSION = 1
 REPEAT_FRACTION = 0.1  # of the runs
 MINIMUM_SPACING = 5  # other runs between a run and its repeat
 BREAK_AFTER = 50  # ratings
@@ -77,34 +76,16 @@ def append_rating(path: Path, rating: Rating) -> None:
     Raises:
         RecordError: the file cannot be written.
     """
-    line = orjson.dumps({"version": RATING_VERSION, **asdict(rating)}, option=orjson.OPT_APPEND_NEWLINE)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("ab+") as file:
-            _repair_last_line(path, file)
-            file.write(line)
-            file.flush()
-            os.fsync(file.fileno())
-    except OSError as error:
-        raise RecordError(f"{path} cannot be written: {error.strerror or error}") from error
+    append_line(path, {"version": _RATING_VERSION, **asdict(rating)})
 
 
 def read_ratings(path: Path) -> list[Rating]:
     """The ratings in a file, in the order in which they were given.
 
-    An incomplete last line, as after a power cut, is ignored with a warning in the log.
-
     Raises:
-        RecordError: the file cannot be read, or a line is not a rating; the message names the line.
-        NewerFormatError: a line was written by a newer version.
+        RecordError, NewerFormatError: as of `read_lines`.
     """
-    lines = read_bytes(path).split(b"\n")
-    tail = lines.pop()
-    if _is_incomplete(tail):
-        logger.warning("%s: line %d is incomplete and is ignored: %r", path, len(lines) + 1, tail[:60])
-    elif tail:
-        lines.append(tail)
-    return [_parse_line(line, f"{path}, line {number}") for number, line in enumerate(lines, 1)]
+    return read_lines(path, _RATING_VERSION, _rating_of, "a rating")
 
 
 def ratings_of(folder: Path) -> list[Rating]:
@@ -121,56 +102,8 @@ def questions(ratings: Iterable[Rating]) -> list[LabelSpec]:
     return list(dict.fromkeys(rating.spec for rating in ratings))
 
 
-def _repair_last_line(path: Path, file: BinaryIO) -> None:
-    """Remove an incomplete last line, or add a missing line end, so that the next rating begins a new line."""
-    file.seek(0)
-    data = file.read()
-    tail = data[data.rfind(b"\n") + 1 :]
-    if _is_incomplete(tail):
-        logger.warning("%s: the last line is incomplete and is removed: %r", path, tail[:60])
-        file.truncate(len(data) - len(tail))
-    elif tail:
-        file.write(b"\n")
-
-
-def _is_incomplete(tail: bytes) -> bool:
-    """Whether a line was cut short: a JSON object is invalid without its closing brace."""
-    try:
-        orjson.loads(tail or b"{}")
-    except orjson.JSONDecodeError:
-        return True
-    return False
-
-
-def _parse_line(line: bytes, place: str) -> Rating:
-    """A rating from its line.
-
-    Raises:
-        RecordError: the line is not a rating.
-        NewerFormatError: the line was written by a newer version.
-    """
-    try:
-        row = orjson.loads(line)
-        if not isinstance(row, dict):
-            raise TypeError(f"it is a JSON {type(row).__name__}")
-        version = row["version"]
-        if not isinstance(version, int) or version < 1:
-            raise ValueError(f"version is {version!r}")
-        if version > RATING_VERSION:
-            raise NewerFormatError(
-                f"{place} was written by version {version}, this sonata2d reads up to {RATING_VERSION}; upgrade"
-                " sonata2d"
-            )
-        return _rating_of(row)
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        reason = f"{error} is missing" if isinstance(error, KeyError) else error
-        raise RecordError(f"{place} is not a rating: {reason}; correct or remove that line") from error
-
-
 def _rating_of(row: Mapping[str, Any]) -> Rating:
     """A rating from its JSON object; unknown keys are ignored."""
-    from ..record import models
-
     for key, problem in schema_findings(row, models.model_of(Rating)):
         raise ValueError(f"{key}: {problem}")
     spec = LabelSpec.from_settings(row["spec"])

@@ -32,7 +32,7 @@ logger = logging.getLogger(__name__)
 State = Literal["waiting", "driving", "paused", "ended"]
 Schedule = Callable[[Mapping[int, str]], tuple[ScenarioConfig, int]]
 """Chooses the next scene: from the file names of the kept runs, by number of their scene, its settings and number."""
-MAXIMUM_SCENE_ATTEMPTS = 20  # consecutive scenes that cannot be generated before it is an error
+_MAXIMUM_SCENE_ATTEMPTS = 20  # consecutive scenes that cannot be generated before it is an error
 
 
 def warm_up(scene: Scene) -> None:
@@ -198,7 +198,7 @@ class Session:
             self._stand_still("paused")
 
     def release(self) -> None:
-        """Set all controls to zero with the next tick, because their devices are gone, as those of a closed page."""
+        """Set all controls to zero with the next tick, because their devices are gone, as when a page is closed."""
         if self.state == "ended":
             return
         events = (*self._controller.pressed, *self._first_events)
@@ -276,7 +276,7 @@ class Session:
             SceneError: the settings give no scene; the run stays unchanged.
         """
         # With new settings the driver waits for the result and can change them again, so one attempt is enough.
-        attempts = MAXIMUM_SCENE_ATTEMPTS if config is None else 1
+        attempts = _MAXIMUM_SCENE_ATTEMPTS if config is None else 1
         scene, config = self._next_scene(self._following(), config or self.config, attempts)
         path = self._discard(reason)
         self._begin(scene, config)
@@ -327,9 +327,9 @@ class Session:
         return None if self._schedule else self.scene.episode + 1
 
     def _next_scene(
-        self, number: int | None, config: ScenarioConfig, attempts: int = MAXIMUM_SCENE_ATTEMPTS
+        self, number: int | None, config: ScenarioConfig, attempts: int = _MAXIMUM_SCENE_ATTEMPTS
     ) -> tuple[Scene, ScenarioConfig]:
-        """The first scene, from a number on, that can be generated, and its settings; None: that of the schedule."""
+        """The first scene that can be generated, from a number on, or the scheduled one; with its settings."""
         if number is None:
             assert self._schedule is not None
             config, number = self._schedule(self.kept_runs)

@@ -1,10 +1,9 @@
-"""The words that participants read, in the window and in a browser: one table per language, in `languages/`."""
+"""The words of the window and of the browser's pages: one table for each language, in `languages/`."""
 
 from __future__ import annotations
 
 import string
 import tomllib
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from ..registry import did_you_mean
 
 _FOLDER = Path(__file__).with_name("languages")
 _ENGLISH = "en"
-_MAX_BYTES = 1_000_000  # of a table; longer files are no tables
+_MAX_BYTES = 1_000_000  # of a table
 _chosen: dict[str, str] = {}
 
 
@@ -43,11 +42,7 @@ def choose_language(name: str) -> None:
     Raises:
         ConfigError: the table cannot be read, or has an unknown key or value.
     """
-    use_table(table(name) if name in languages() else read_table(Path(name)))
-
-
-def use_table(texts: Mapping[str, str]) -> None:
-    """Use a table of texts, by `section.key`, for the window."""
+    texts = table(name) if name in languages() else read_table(Path(name))
     _chosen.clear()
     _chosen.update(texts)
 

@@ -1,4 +1,4 @@
-"""Hashes of classes that have no source file, as those of a notebook."""
+"""Hashes of classes that have no source file, such as classes of a notebook."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def code_sha256(found: Any) -> str:
 
 
 def _content(value: Any) -> Any:
-    """What of a value decides on what it does, in a form that is the same in every process."""
+    """A process-independent representation of a value's behaviour, for hashing."""
     value = getattr(value, "__func__", value)  # of class methods and static methods
     value = getattr(value, "fget", None) or getattr(value, "func", None) or getattr(value, "py_func", None) or value
     if isinstance(value, FunctionType):

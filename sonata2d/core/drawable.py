@@ -1,40 +1,19 @@
-"""`Drawable`: scenes, snapshots, episodes and records show themselves in notebooks, and as files."""
+"""Base class of scenes, snapshots, episodes and records: pictures in notebooks and files."""
 
 from __future__ import annotations
 
 import importlib
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from .snapshot import Snapshot
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """What is drawn of an object.
-
-    Attributes:
-        snapshots: in the order of time; the last one is drawn as a picture, with the paths that lead to it.
-        outcome: how the episode ended.
-        commands: (T, 3), m/s, m/s, rad/s, body frame, of a page.
-        labels: (T,), of a page.
-    """
-
-    snapshots: Sequence[Snapshot]
-    outcome: str | None = None
-    commands: Any = None
-    labels: Sequence[Any] | None = None
+from typing import Any
 
 
 class Drawable:
-    """Base class of objects that can be drawn.
+    """Base class of objects that can be drawn; `sonata2d.view.drawing.drawing_of` has a function for each subclass.
 
-    The drawing is in `sonata2d.view`, which is imported by name when something is drawn: neither a simulation nor a
-    program that reads data needs pygame.
+    `sonata2d.view` draws; it is imported by name when something is drawn, because neither a simulation nor a program
+    that reads data needs pygame.
     """
 
     __slots__ = ()
@@ -70,7 +49,7 @@ class Drawable:
             RenderError: the suffix is unknown, an argument has no effect on the format, or the file cannot be written.
         """
         display().save(
-            self._drawing(), path, size=size, scale=scale, strip=strip, fps=fps, speed=speed, layers=layers,
+            self, path, size=size, scale=scale, strip=strip, fps=fps, speed=speed, layers=layers,
             caption=caption,
         )  # fmt: skip
 
@@ -83,7 +62,7 @@ class Drawable:
         Raises:
             RenderError: the size is out of range, or there is neither a notebook nor a browser.
         """
-        display().show(self._drawing(), size=size, layers=layers, caption=caption)
+        display().show(self, size=size, layers=layers, caption=caption)
 
     def animate(self, *, layers: Any = None, caption: str | None = None) -> None:
         """Show a page that plays the episode: below a cell of a notebook, else in a browser.
@@ -94,22 +73,18 @@ class Drawable:
         Raises:
             RenderError: there is neither a notebook nor a browser.
         """
-        display().animate(self._drawing(), layers=layers, caption=caption)
+        display().animate(self, layers=layers, caption=caption)
 
     def _repr_html_(self) -> str:
         """A table and a picture, which notebooks show."""
-        html: str = display().card(type(self).__name__, self._facts(), [self._drawing()])
+        html: str = display().card(type(self).__name__, self._facts(), [self])
         return html
 
     @abstractmethod
-    def _drawing(self) -> Drawing:
-        """What is drawn."""
-
-    @abstractmethod
     def _facts(self) -> Mapping[str, object]:
-        """What the table of a notebook says, by name."""
+        """The rows of the table in a notebook: values by name."""
 
 
 def display() -> Any:
-    """The functions that draw, `sonata2d.view.notebook`."""
+    """The module `sonata2d.view.notebook`, whose functions draw."""
     return importlib.import_module("sonata2d.view.notebook")

@@ -341,7 +341,7 @@ def shoulder_line_distances(
     """Distances between the shoulder lines of pairs of people, (...), m; 0 where they cross.
 
     Args:
-        offset: (..., 2), m, from the middle of the first line to that of the other one.
+        offset: (..., 2), m, from the middle of the first line to the middle of the other one.
         direction, other_direction: (..., 2), unit vectors of the headings.
         shoulder, other_shoulder: (...), half the length of the lines, m.
     """
@@ -363,7 +363,7 @@ def contact_times(
 
     Args:
         offset: (..., 2), m, from the centre of the disc to the middle of the person's shoulder line; NaN gives inf.
-        relative_velocity: (..., 2), m/s, velocity of the disc minus that of the person.
+        relative_velocity: (..., 2), m/s, velocity of the disc minus velocity of the person.
         radii: (...), m, sum of both radii.
         direction: (..., 2), unit vectors of the people's headings.
         shoulder: (...), half the length of the shoulder lines, m; with 0 the outlines are discs.
@@ -394,8 +394,8 @@ def disc_contact_times(offset: Array, relative_velocity: Array, radii: Array | f
     """Times until pairs of discs touch, at constant velocities.
 
     Args:
-        offset: (..., 2), m, C, from the centre of the first disc to that of the second; NaN gives inf.
-        relative_velocity: (..., 2), m/s, V, velocity of the first disc minus that of the second.
+        offset: (..., 2), m, C, from the centre of the first disc to the centre of the second; NaN gives inf.
+        relative_velocity: (..., 2), m/s, V, velocity of the first disc minus velocity of the second.
         radii: (...), m, R, sum of the two radii.
 
     Returns:

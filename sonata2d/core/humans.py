@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from .entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER, Human, Interaction
 from .geometry import Point, Pose
 from .portable_math import Array, IntArray, angle_of, arctan2
-from .scene import Scene
 from .wording import counted
 
 # Columns of the (N, 9) state of the pedestrians, world frame: position, velocity, unit vectors of the body's heading
@@ -186,31 +185,48 @@ def frozen(array: Values) -> Values:
     return array
 
 
-Constant = tuple[IntArray, Array, Array]
-"""What stays the same of the pedestrians of a scene: `Humans.id`, `radius` and `shoulder`."""
+@dataclass(frozen=True, eq=False, slots=True)
+class HumanTable:
+    """Table of the humans of a scene: one row each in the scene's order; read-only arrays.
 
+    Attributes:
+        id: (N,) of int.
+        position: (N, 2), m, at the start or on entering, world frame.
+        radius: (N,), m, half the depth of the bodies.
+        shoulder: (N,), m, half the length of the shoulder lines.
+        circumradius: (N,), m, of the circles around the bodies.
+        desired_speed: (N,), m/s.
+        row: index of the row of each id.
+    """
 
-def constant_of(scene: Scene) -> Constant:
-    """The constant properties of all pedestrians in the scene's order, read-only."""
-    bodies = np.array([(human.radius, human.shoulder) for human in scene.humans], dtype=float).reshape(-1, 2)
-    return human_ids(scene), frozen(bodies[:, 0].copy()), frozen(bodies[:, 1].copy())
+    id: IntArray
+    position: Array
+    radius: Array
+    shoulder: Array
+    circumradius: Array
+    desired_speed: Array
+    row: dict[int, int]
 
+    @classmethod
+    def of(cls, humans: Sequence[Human]) -> Self:
+        """The table of some humans."""
+        numbers = [(h.radius, h.shoulder, h.shape.circumradius, h.desired_speed, *h.pose.position) for h in humans]
+        table = np.array(numbers, dtype=float).reshape(-1, 6)
+        radius, shoulder, circumradius, desired_speed = (frozen(column.copy()) for column in table[:, :4].T)
+        ids = [human.id for human in humans]
+        return cls(
+            id=frozen(np.array(ids, dtype=np.int64)),
+            position=frozen(table[:, 4:].copy()),
+            radius=radius,
+            shoulder=shoulder,
+            circumradius=circumradius,
+            desired_speed=desired_speed,
+            row={id: k for k, id in enumerate(ids)},
+        )
 
-def human_ids(scene: Scene) -> IntArray:
-    """Ids of the pedestrians in the scene's order, (N,) of int, read-only."""
-    return frozen(np.array([human.id for human in scene.humans], dtype=np.int64))
-
-
-def initial_activities(scene: Scene) -> IntArray:
-    """Activities at the start, from interactions and behaviours; (N,) of int, into `ACTIVITIES`, read-only."""
-    return activity_indices({human.id: _activity_at_start(human) for human in scene.humans}, scene.interactions)
-
-
-def _activity_at_start(human: Human) -> str:
-    """What a pedestrian without interactions does at the start."""
-    if human.walks_at_start:
-        return "walking"
-    return "standing" if human.seat is None and human.queue is None else "queueing" if human.seat is None else "sitting"
+    def with_state(self, state: Array, activity: IntArray) -> Humans:
+        """The humans in a state, (N, 9), with activities, (N,) of int; the arrays are not copied."""
+        return Humans(state, self.id, self.radius, self.shoulder, activity)
 
 
 def activities_of_present(activity: IntArray, ids: IntArray, interactions: Iterable[Interaction]) -> IntArray:

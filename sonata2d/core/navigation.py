@@ -76,7 +76,7 @@ class FreeSpace:
 
         Returns:
             The point itself if it is free, else the point pushed off the barriers that are too near, else the nearest
-            turning point; None if there is none on this side of the barriers.
+            turning point; None without a turning point on this side of the barriers.
         """
         x, y = float(point[X]), float(point[Y])
         space = self._space().argument
@@ -101,7 +101,7 @@ class FreeSpace:
         return route if len(route) else None
 
     def distance(self, start: Point, goal: Point) -> float:
-        """Length of the shortest path, m; infinite if there is none."""
+        """Length of the shortest path, m; infinite without a path."""
         lengths, _ = self._search(np.array([start], dtype=float), goal)
         return float(lengths[0])
 
@@ -158,12 +158,12 @@ class GoalField:
         self.goal = goal
 
     def distances(self, points: Array) -> Array:
-        """Length of the shortest path from each point; (P, 2) to (P,), m; infinite if there is none."""
+        """Length of the shortest path from each point; (P, 2) to (P,), m; infinite without a path."""
         lengths, _ = self.space._search(_rows(points), self.goal)
         return lengths
 
     def path(self, start: Point) -> Array | None:
-        """The shortest path from start to goal, (K, 2), m; None if there is none."""
+        """The shortest path from start to goal, (K, 2), m; None without a path."""
         return self.space.path(start, self.goal)
 
 

@@ -15,14 +15,14 @@ ProgressBar = Callable[[int, str], AbstractContextManager[Advance]]
 
 
 def notebook_shell() -> Any:
-    """The shell of the notebook that runs; None: there is none."""
+    """The shell of the running notebook, or None outside a notebook."""
     ipython = sys.modules.get("IPython")  # it is loaded where a notebook runs
     shell = None if ipython is None else ipython.get_ipython()
     return shell if hasattr(shell, "kernel") else None
 
 
 def bar_of(progress: bool | ProgressBar | None) -> ProgressBar:
-    """How progress is shown.
+    """The function that shows progress.
 
     Args:
         progress: whether as a bar, in the form that fits a notebook or a terminal; None: only in a notebook. A function

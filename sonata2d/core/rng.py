@@ -49,7 +49,7 @@ class RandomStream:
         return low + (high - low) * ((self._bits.random_raw() >> 11) * _ULP)
 
     def uniforms(self, count: int) -> Array:
-        """Floats in [0, 1), those of as many calls of `uniform`; (count,)."""
+        """Floats in [0, 1), equal to as many calls of `uniform`; (count,)."""
         fractions: Any = (self._bits.random_raw(count) >> np.uint64(11)) * _ULP
         return np.asarray(fractions, dtype=np.float64)
 
@@ -129,10 +129,10 @@ class RandomStream:
 
 
 def _entropy(seed: int, key: tuple[int, ...]) -> Any:
-    """What a stream is seeded from: equal to `SeedSequence(seed, spawn_key=key)`.
+    """Entropy of a stream, equal to `SeedSequence(seed, spawn_key=key)`.
 
-    NumPy mixes the words of the seed, filled up to four, and those of the key. It takes an array of them in a third of
-    the time.
+    NumPy mixes the words of the seed, filled up to four, and the words of the key. An array of these words takes a
+    third of the time.
     """
     try:
         return np.frombuffer(struct.pack(f"={4 + len(key)}I", seed, 0, 0, 0, *key), dtype=np.uint32)

@@ -12,10 +12,11 @@ from typing import Any, Literal
 import numpy as np
 
 from .bounds import Fraction, NotNegative, Positive, Steps
-from .drawable import Drawable, Drawing
+from .drawable import Drawable
 from .entities import Door, EndsOn, Furniture, Goal, Group, Human, Interaction, Place, Queue, Robot, Wall
 from .geometry import Barriers, Edge, Point
-from .portable_math import Array
+from .humans import HumanTable, activity_indices, frozen
+from .portable_math import Array, IntArray
 from .wording import counted
 
 PARKING_DISTANCE, PARKING_SPACING = 200.0, 5.0  # m, of absent pedestrians from the room and from each other
@@ -151,11 +152,6 @@ class Scene(Drawable):
         own: dict[str, object] = {"scenario": self.name, "family": self.family}
         return own if "seed" in self.unmeasured else own | {"seed": self.seed, "episode": self.episode}
 
-    def _drawing(self) -> Drawing:
-        from .snapshot import snapshot_of  # which is built on scenes
-
-        return Drawing([snapshot_of(self)])
-
     def _facts(self) -> dict[str, object]:
         kinds = Counter(piece.type for piece in self.furniture)
         return {
@@ -186,9 +182,12 @@ class Scene(Drawable):
     @cached_property
     def outline(self) -> Array:
         """The polygon of the room as a read-only (K, 2) array, m."""
-        outline = np.array(self.polygon, dtype=float)
-        outline.flags.writeable = False
-        return outline
+        return frozen(np.array(self.polygon, dtype=float))
+
+    @cached_property
+    def human_table(self) -> HumanTable:
+        """Constant properties of the humans as arrays."""
+        return HumanTable.of(self.humans)
 
     @cached_property
     def standing_humans(self) -> Barriers:
@@ -200,9 +199,7 @@ class Scene(Drawable):
         """A place for each pedestrian far from the room, where it is kept while it is absent; (N, 2), m, read-only."""
         x, y = self.outline.max(axis=0).tolist()
         places = [(x + PARKING_DISTANCE, y + PARKING_DISTANCE + PARKING_SPACING * k) for k in range(len(self.humans))]
-        parking = np.array(places, dtype=float).reshape(-1, 2)
-        parking.flags.writeable = False
-        return parking
+        return frozen(np.array(places, dtype=float).reshape(-1, 2))
 
     @cached_property
     def shared_spaces(self) -> Barriers:
@@ -210,6 +207,18 @@ class Scene(Drawable):
         position = {human.id: human.pose.position for human in self.humans}
         talking = (group for group in self.groups if group.kind == "talking" and group.formation)
         return closed_outlines([position[member] for member in group.members] for group in talking)
+
+
+def initial_activities(scene: Scene) -> IntArray:
+    """Activities at the start, from interactions and behaviours; (N,) of int, into `ACTIVITIES`, read-only."""
+    return activity_indices({human.id: _activity_at_start(human) for human in scene.humans}, scene.interactions)
+
+
+def _activity_at_start(human: Human) -> str:
+    """The activity of a pedestrian without interactions at the start."""
+    if human.walks_at_start:
+        return "walking"
+    return "standing" if human.seat is None and human.queue is None else "queueing" if human.seat is None else "sitting"
 
 
 def standing_throughout(humans: Iterable[Human]) -> Barriers:

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, Protocol, Self
 import numpy as np
 
 from .devices import DeviceEvent
-from .drawable import Drawable, Drawing
+from .drawable import Drawable
 from .entities import Furniture, Goal, Interaction, Robot, Wall
 from .geometry import Point, Pose, Twist
 from .humans import (
@@ -20,18 +20,14 @@ from .humans import (
     OMEGA,
     VX,
     VY,
-    Constant,
     Humans,
     X,
     Y,
     activities_of_present,
-    constant_of,
     frozen,
-    human_ids,
-    initial_activities,
 )
 from .portable_math import Array, IntArray, angle_of, unit_vector
-from .scene import Scene
+from .scene import Scene, initial_activities
 from .state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED, State, joined_row, robot_row
 from .wording import counted
 
@@ -125,7 +121,6 @@ class Snapshot(Drawable):
     events: tuple[DeviceEvent, ...] = ()
     image: Any = None
     _state: State | None = field(default=None, init=False, repr=False, compare=False)
-    _constant: Constant | None = field(default=None, init=False, repr=False, compare=False)
 
     @classmethod
     def of_state(
@@ -136,15 +131,12 @@ class Snapshot(Drawable):
         interactions: tuple[Interaction, ...],
         contacts: tuple[Contact, ...] = (),
         events: tuple[DeviceEvent, ...] = (),
-        *,
-        constant: Constant,
     ) -> Self:
         """A snapshot whose `robot` and `humans` are built from a state when they are first read.
 
         Args:
             tick, scene, interactions, contacts, events: as the attributes.
             state: of the robot and of all pedestrians of the scene.
-            constant: of all pedestrians of the scene; read-only.
         """
         snapshot = object.__new__(cls)
         values = {  # of all attributes except `robot` and `humans`
@@ -156,7 +148,6 @@ class Snapshot(Drawable):
             "events": events,
             "image": None,
             "_state": state,
-            "_constant": constant,
         }
         object.__setattr__(snapshot, "__dict__", values)  # the class is frozen
         return snapshot
@@ -173,9 +164,7 @@ class Snapshot(Drawable):
         return value
 
     def _build_humans(self, state: State) -> Humans:
-        assert self._constant is not None
-        ids, radius, shoulder = self._constant
-        humans = Humans(state.humans, ids, radius, shoulder, state.activity)
+        humans = self.scene.human_table.with_state(state.humans, state.activity)
         return humans if state.is_present is None else humans.select(np.flatnonzero(state.is_present))
 
     @property
@@ -199,9 +188,6 @@ class Snapshot(Drawable):
     def __repr__(self) -> str:
         people = counted(len(self.humans), "person")
         return f"<Snapshot of {self.scene.title}: tick {self.tick}, {self.time:g} s, {people}>"
-
-    def _drawing(self) -> Drawing:
-        return Drawing([self])
 
     def _facts(self) -> dict[str, object]:
         (x, y), (vx, vy) = self.robot.position, self.robot.velocity
@@ -327,9 +313,9 @@ class Observer(Protocol):
 def snapshot_of(scene: Scene) -> Snapshot:
     """The snapshot at tick 0: all agents at their initial poses and at rest, heads pointing ahead."""
     robot = scene.robot
-    state = np.zeros((len(scene.humans), 9))
+    state, table = np.zeros((len(scene.humans), 9)), scene.human_table
+    state[:, X : Y + 1] = table.position
     for row, human in zip(state, scene.humans, strict=True):
-        row[X : Y + 1] = human.pose.position
         row[BODY_X : GAZE_Y + 1] = (*human.pose.direction, *human.pose.direction)
     at_rest = RobotState(robot.pose.position, unit_vector(robot.pose.theta), (0.0, 0.0), 0.0, Twist(), False, robot)
     entering_later = {human.id for human in scene.humans if human.enters > 0}
@@ -338,7 +324,7 @@ def snapshot_of(scene: Scene) -> Snapshot:
     )
     activity = initial_activities(scene)
     if entering_later:
-        activity = activities_of_present(activity, human_ids(scene), interactions)
-    humans = Humans(frozen(state), *constant_of(scene), activity)
+        activity = activities_of_present(activity, table.id, interactions)
+    humans = table.with_state(frozen(state), activity)
     present = humans.select(np.flatnonzero([human.enters == 0 for human in scene.humans]))
     return Snapshot(0, 0.0, scene, at_rest, present, interactions)

@@ -1,29 +1,20 @@
-from .card import write_card as write_card
-from .check import (
+from .card.write import write_card as write_card
+from .check.episodes import (
     ListedFile as ListedFile,
     Problem as Problem,
-    check_dataset as check_dataset,
     check_episode as check_episode,
     check_listed as check_listed,
+)
+from .check.manifests import (
+    check_dataset as check_dataset,
     check_manifest as check_manifest,
     listed_files as listed_files,
 )
-from .dask_executor import DaskExecutor as DaskExecutor
-from .generate import generate_dataset as generate_dataset
-from .manifest import (
-    CROISSANT as CROISSANT,
-    MANIFEST as MANIFEST,
-    METRICS as METRICS,
-    files_of as files_of,
-    read_manifest as read_manifest,
-)
-from .merge import merge_datasets as merge_datasets
-from .mirror import (
-    mirror_dataset as mirror_dataset,
-    mirror_file as mirror_file,
-    mirrored as mirrored,
-    twist_image as twist_image,
-)
+from .check.replay import branch as branch
+from .check.verification import verify as verify
+from .generate.run import generate_dataset as generate_dataset
+from .manifest.names import CROISSANT as CROISSANT, MANIFEST as MANIFEST, METRICS as METRICS
+from .manifest.rows import files_of as files_of, read_manifest as read_manifest
 from .motion import (
     Motion as Motion,
     motion_of as motion_of,
@@ -36,6 +27,12 @@ from .reference_frames import (
     seen_from as seen_from,
     world_frame as world_frame,
 )
-from .replay import branch as branch
-from .split import split_dataset as split_dataset
-from .verification import verify as verify
+from .transforms.merge import merge_datasets as merge_datasets
+from .transforms.mirror import (
+    mirror_dataset as mirror_dataset,
+    mirror_file as mirror_file,
+    mirrored as mirrored,
+    twist_image as twist_image,
+)
+from .transforms.split import split_dataset as split_dataset
+from .workers.dask_executor import DaskExecutor as DaskExecutor

@@ -6,12 +6,12 @@ from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from itertools import repeat
+from itertools import groupby, repeat
 from pathlib import Path
 from typing import Any, SupportsIndex, get_args, overload
 
 from ..core.arguments import whole_number
-from ..core.drawable import Drawing, display
+from ..core.drawable import display
 from ..core.files.locations import location
 from ..core.files.optional import optional
 from ..core.notebook import ProgressBar
@@ -24,12 +24,12 @@ from ..record.reader import read_episode, read_episodes
 from ..record.record import EpisodeRecord
 from ..record.tables import TABLES, tables_of
 from ..registry import did_you_mean
-from .executors import Workers
-from .manifest import files_in_manifest, files_of, has_manifest, read_stored_manifest
-from .shards import Selection, ShardPaths, ShardRows
-from .split import FRACTIONS, split_dataset
+from .manifest.read import has_manifest, read_document
+from .manifest.rows import Lazy, files_in_manifest, files_of, paths_in, read_stored_manifest, selection
 from .stream import BLOCK, Stream, Transform
 from .summaries import contact_summary
+from .transforms.split import FRACTIONS, split_dataset
+from .workers.executors import Workers
 
 SHOWN, _PREVIEWED = 12, 4  # episodes of a picture, and beside a table
 
@@ -37,7 +37,7 @@ SHOWN, _PREVIEWED = 12, 4  # episodes of a picture, and beside a table
 class Dataset(Sequence[EpisodeRecord]):
     """The episodes of a folder; each is read when it is accessed, and not kept.
 
-    `dataset[3]` is a record, `dataset["000003"]` that of a file, `dataset[:10]` a data set again.
+    `dataset[3]` is the record of an episode, `dataset["000003"]` the record of a file, `dataset[:10]` a data set again.
 
     Args:
         path: folder of a data set, or of any episode files, compressed or not; a shard; or one file.
@@ -65,9 +65,9 @@ class Dataset(Sequence[EpisodeRecord]):
         self.path = location(path)
         self.manifest: JsonDict | None = read_stored_manifest(self.path) if has_manifest(self.path) else None
         files = files_of(self.path) if self.manifest is None else files_in_manifest(self.path, self.manifest)
-        self.files: Sequence[Path] = tuple(files) if isinstance(files, list) else files
+        self.files: Sequence[Path] = files if isinstance(files, Lazy) else tuple(files)
         self._entries: Sequence[JsonDict] | None = None if self.manifest is None else self.manifest["files"]
-        self._owner: object = None
+        self._owner: object = None  # of a temporary folder, which exists as long as this data set or a part of it
 
     def __len__(self) -> int:
         """Number of episodes."""
@@ -89,15 +89,15 @@ class Dataset(Sequence[EpisodeRecord]):
         if isinstance(index, slice):
             return self._selected(range(len(self))[index])
         if isinstance(index, str):
-            found = [
+            matches = [
                 file for file in self.files if index in (file_stem(file), file.name, f"{file.parent.name}/{file.name}")
             ]
-            if len(found) > 1:
-                raise KeyError(f"{len(found)} episodes of {self.path} are named {index!r}; give a number")
-            if not found:
+            if len(matches) > 1:
+                raise KeyError(f"{len(matches)} episodes of {self.path} are named {index!r}; give a number")
+            if not matches:
                 hint = did_you_mean(index, map(file_stem, self.files))
                 raise KeyError(f"{self.path} has no episode {index!r}{hint}")
-            return read_episode(found[0])
+            return read_episode(matches[0])
         if not hasattr(index, "__index__"):
             raise TypeError(f"a data set is indexed by a number, the name of a file, or a slice, got {shown(index)}")
         try:
@@ -146,16 +146,16 @@ class Dataset(Sequence[EpisodeRecord]):
         if unknown:
             name = sorted(map(str, unknown))[0]
             raise ValueError(f"no episode has the outcome {name!r}; outcomes are {', '.join(get_args(Status))}")
-        found: Iterable[int] = range(len(self))
+        numbers: Iterable[int] = range(len(self))
         if wanted or contact is not None:
-            found = (
+            numbers = (
                 number
                 for number, row in enumerate(self._rows())
                 if all(row[key] in wanted[key] for key in wanted) and contact in (None, bool(row["contacts"]))
             )
         if condition is not None:
-            found = (number for number in found if condition(read_episode(self.files[number])))
-        return self._selected(found)
+            numbers = (number for number in numbers if condition(read_episode(self.files[number])))
+        return self._selected(numbers)
 
     def split(
         self, fractions: Mapping[str, float] = FRACTIONS, *, seed: int = 0, whole_families: bool = False
@@ -180,7 +180,7 @@ class Dataset(Sequence[EpisodeRecord]):
 
     @property
     def parts(self) -> dict[str, Dataset]:
-        """The parts that `split` has written into the manifest, by name; those of this data set's episodes.
+        """The parts that `split` has written into the manifest, by name, with the episodes of this data set.
 
         Raises:
             RecordError: the data set is not split.
@@ -188,16 +188,17 @@ class Dataset(Sequence[EpisodeRecord]):
         split = (self.manifest or {}).get("split")
         if not split or self._entries is None:
             raise RecordError(f"{self.path} is not split; call split()")
-        rows = self.manifest["files"] if self.manifest is not None else ()
-        whole = {} if isinstance(rows, ShardRows) else {part: frozenset(names) for part, names in split.items()}
         numbers: dict[str, list[int]] = {part: [] for part in split}
-        for number, row in enumerate(self._entries):
-            name = row["name"]
-            parts = rows.parts_of(name.partition("/")[0]) if isinstance(rows, ShardRows) else whole
-            for part, names in parts.items():
-                if name in names:
-                    numbers[part].append(number)
-        return {part: self._selected(own) for part, own in numbers.items()}
+        # episodes of one shard together: the names in its parts are in its own manifest
+        for shard, entries in groupby(enumerate(self._entries), lambda entry: entry[1]["name"].rpartition("/")[0]):
+            stored = read_document(self.path / shard)["split"] if shard else split
+            parts = {part: frozenset(names) for part, names in (stored or {}).items()}
+            for number, row in entries:
+                name = row["name"].rpartition("/")[2]
+                for part in parts:
+                    if name in parts[part]:
+                        numbers[part].append(number)
+        return {part: self._selected(members) for part, members in numbers.items()}
 
     def to_pandas(self, table: str = "frames") -> Any:
         """A table of all episodes as a `pandas.DataFrame`.
@@ -282,7 +283,7 @@ class Dataset(Sequence[EpisodeRecord]):
             RenderError: the suffix is unknown, an argument has no effect on the format, there is no episode, or the
                 file cannot be written.
         """
-        display().save_sheet(self._drawings(count), self._titles(count), path, fps=fps, speed=speed, progress=progress)
+        display().save_sheet(self._first(count), self._titles(count), path, fps=fps, speed=speed, progress=progress)
 
     def show(self, *, count: int = SHOWN) -> None:
         """Show the picture that `save` draws: below a cell of a notebook, else in a browser.
@@ -293,7 +294,7 @@ class Dataset(Sequence[EpisodeRecord]):
         Raises:
             RenderError: there is neither a notebook nor a browser.
         """
-        display().show_sheet(self._drawings(count), self._titles(count))
+        display().show_sheet(self._first(count), self._titles(count))
 
     def animate(self, *, count: int = SHOWN) -> None:
         """Show the page of `save`, which plays the episode that is chosen: below a cell of a notebook, or in a browser.
@@ -304,7 +305,7 @@ class Dataset(Sequence[EpisodeRecord]):
         Raises:
             RenderError: there is neither a notebook nor a browser, or no episode.
         """
-        display().animate_sheet(self._drawings(count), self._titles(count))
+        display().animate_sheet(self._first(count), self._titles(count))
 
     def __repr__(self) -> str:
         return f"<Dataset {self.path}: {counted(len(self), 'episode')}>"
@@ -324,15 +325,13 @@ class Dataset(Sequence[EpisodeRecord]):
             contacts = contact_summary(counted_rows()).rows()[0][1]
             facts |= {"outcomes": _listed(outcomes), "contacts": contacts, "families": _listed(families)}
             facts["scenario"] = self.manifest["name"]
-        text: str = display().card(type(self).__name__, facts, self._drawings(_PREVIEWED), self._titles(_PREVIEWED))
+        text: str = display().card(type(self).__name__, facts, self._first(_PREVIEWED), self._titles(_PREVIEWED))
         return text
 
     @classmethod
     def of_manifest(cls, path: Path, manifest: JsonDict) -> Dataset:
         """The data set of a manifest that has just been written, which is not read again."""
-        rows = manifest["files"]
-        files = ShardPaths(rows) if isinstance(rows, ShardRows) else tuple(path / row["name"] for row in rows)
-        return cls._of(path, files, manifest, rows)
+        return cls._of(path, paths_in(path, manifest["files"]), manifest, manifest["files"])
 
     @classmethod
     def of_files(cls, path: str | Path, files: Iterable[Path]) -> Dataset:
@@ -343,10 +342,6 @@ class Dataset(Sequence[EpisodeRecord]):
             files: of the episodes.
         """
         return cls._of(location(path), tuple(files), None, None)
-
-    def keeps(self, owner: object) -> None:
-        """Refer to an object as long as this data set, or a part of it, exists: the owner of a temporary folder."""
-        self._owner = owner
 
     @classmethod
     def _of(
@@ -360,11 +355,10 @@ class Dataset(Sequence[EpisodeRecord]):
     def _selected(self, numbers: Iterable[int]) -> Dataset:
         """A data set of some of the episodes."""
         numbers = array("q", numbers)
-        is_sharded = not isinstance(self.files, tuple)  # then the paths are made when they are needed
-        files = Selection(self.files, numbers) if is_sharded else tuple(self.files[number] for number in numbers)
-        entries = None if self._entries is None else Selection(self._entries, numbers)
-        part = self._of(self.path, files, self.manifest, entries)
-        part.keeps(self._owner)
+        files = selection(self.files, numbers)
+        entries = None if self._entries is None else selection(self._entries, numbers)
+        part = self._of(self.path, files if isinstance(self.files, Lazy) else tuple(files), self.manifest, entries)
+        part._owner = self._owner
         return part
 
     def _rows(self) -> Iterator[Mapping[str, Any]]:
@@ -388,14 +382,14 @@ class Dataset(Sequence[EpisodeRecord]):
                 columns.setdefault(name, []).extend(values.tolist() if hasattr(values, "tolist") else values)
         return columns
 
-    def _drawings(self, count: int) -> list[Drawing]:
+    def _first(self, count: int) -> Dataset:
         whole_number("count", count, 1)
-        return [record._drawing() for record in self[:count]]
+        return self[:count]
 
     def _titles(self, count: int) -> list[str]:
         return [file_stem(file) for file in self.files[:count]]
 
 
 def _listed(counts: Counter[str]) -> str:
-    """How often each value occurs, the most frequent first: `18 goal, 2 timeout`."""
+    """Values with their counts, the most frequent first: `18 goal, 2 timeout`."""
     return ", ".join(f"{number} {value}" for value, number in counts.most_common())

@@ -17,7 +17,7 @@ from ..record.record import EpisodeRecord
 
 Reference = Literal["world", "goal", "robot"]
 
-X, Y, THETA, VX, VY, OMEGA, HEAD = range(7)  # columns of recorded rows; those of the robot end with OMEGA
+X, Y, THETA, VX, VY, OMEGA, HEAD = range(7)  # columns of recorded rows; a row of the robot ends with OMEGA
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +137,7 @@ _PER_STATE = ("time", "robot", "humans", "present", "activity", "goal", "walls",
 def subsampled(motion: Motion, every: int) -> Motion:
     """Keep every k-th state from the first; states after the last complete step are dropped.
 
-    `command` and labels are those of the kept states. `executed` is the mean over the ticks up to the next kept state.
+    `command` and labels belong to the kept states. `executed` is the mean over the ticks up to the next kept state.
 
     Args:
         motion: T frames, in any frame of reference.

@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from ..core.arguments import whole_number
 from ..core.files.optional import optional
@@ -17,15 +17,22 @@ from ..core.wording import shown
 from ..errors import DatasetWarning, RecordError
 from ..record.reader import read_episodes, without_garbage_collection
 from ..record.record import EpisodeRecord
-from .executors import Workers, parallel_map
-from .processes import end_if_unguarded
-
-if TYPE_CHECKING:
-    from .dataset import Dataset
+from .workers.executors import Workers, parallel_map
+from .workers.processes import end_if_unguarded
 
 BLOCK = 64  # episodes that are read together
 
 Transform = Callable[[EpisodeRecord], Iterable[Any]]
+
+
+class _Episodes(Protocol):
+    """A data set, as far as a stream reads it."""
+
+    path: Path
+    files: Sequence[Path]
+
+    def __len__(self) -> int:
+        """Number of episodes."""
 
 
 class Stream(Iterable[Any]):
@@ -55,7 +62,7 @@ class Stream(Iterable[Any]):
 
     def __init__(
         self,
-        dataset: Dataset,
+        dataset: _Episodes,
         transform: Transform | None = None,
         *,
         shuffle: int = 0,
@@ -93,17 +100,21 @@ class Stream(Iterable[Any]):
 
         return Samples(self)
 
-    def share(self, own: int, of_all: int, epoch: int) -> Iterator[Any]:
+    def share(self, worker: int, workers: int, epoch: int) -> Iterator[Any]:
         """The items of one of several workers of a `DataLoader`, which share the blocks; records as tensors.
 
         Args:
-            own: number of the worker.
-            of_all: number of workers.
+            worker: number of the worker.
+            workers: number of workers.
             epoch: in place of the stream's own.
         """
         number, count = self._part
-        items = self._items(number * of_all + own, count * of_all, 1, epoch)
-        return map(tensors, items) if self._transform is None else items
+        items = self._items(number * workers + worker, count * workers, 1, epoch)
+        if self._transform is not None:
+            return items
+        from .torch_data import tensors
+
+        return map(tensors, items)
 
     def _items(self, number: int, count: int, workers: int | Executor | Workers, epoch: int) -> Iterator[Any]:
         """The items of a part of the blocks, in the order of the epoch."""
@@ -111,8 +122,8 @@ class Stream(Iterable[Any]):
         starts: Sequence[int] = range(0, total, BLOCK)
         if self._shuffle:
             starts = RandomStream(self._seed, epoch, "order").shuffled(starts)
-        own = starts[number::count]
-        blocks = (self._dataset.files[start : start + BLOCK] for start in own)
+        part = starts[number::count]
+        blocks = (self._dataset.files[start : start + BLOCK] for start in part)
         read = partial(_samples, self._transform)
         end_if_unguarded()
         if workers == 1:  # one episode at a time
@@ -120,12 +131,12 @@ class Stream(Iterable[Any]):
         else:
             absolute = ([path.absolute() for path in block] for block in blocks)
             reads = self._dataset.path.absolute()
-            results = parallel_map(partial(_listed, read), absolute, workers=workers, total=len(own), reads=reads)
+            results = parallel_map(partial(_listed, read), absolute, workers=workers, total=len(part), reads=reads)
             items = chain.from_iterable(results)
         return self._shuffled(items, RandomStream(self._seed, epoch, "order", number))
 
     def _shuffled(self, items: Iterator[Any], random: RandomStream) -> Iterator[Any]:
-        """The items, each drawn from a buffer of those that follow."""
+        """The items, each drawn from a buffer of the following items."""
         if self._shuffle < 2:
             yield from items
             return
@@ -165,10 +176,3 @@ def _samples(transform: Transform | None, files: Sequence[Path]) -> Iterator[Any
 
 def _listed(read: Callable[[Sequence[Path]], Iterator[Any]], files: Sequence[Path]) -> list[Any]:
     return list(read(files))
-
-
-def tensors(record: EpisodeRecord) -> dict[str, Any]:
-    """The arrays of an episode as tensors; see `Dataset.to_torch`."""
-    torch = optional("torch", RecordError)
-    names = ("time", "robot", "humans", "present", "activity", "command")
-    return {name: torch.tensor(getattr(record, name)) for name in names}

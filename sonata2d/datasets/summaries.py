@@ -34,7 +34,7 @@ class ContactSummary:
 
     Attributes:
         episodes, frames: number of episodes whose contacts are counted, and of their frames.
-        uncounted_episodes: number of the others: imported ones, and those that version 0.1 listed.
+        uncounted_episodes: number of the other episodes: imported ones.
         by_kind: contacts with any outline, a human, an object or a wall; kinds without a contact are left out.
     """
 
@@ -114,11 +114,10 @@ def commands_warning(rows: Iterable[Mapping[str, Any]], name: str) -> str | None
         rows: as for `excessive_commands`.
         name: of the controller.
     """
-    found = [one for one in excessive_commands(rows) if one.share > _WARNING_SHARE]
-    if not found:
+    excess = [command for command in excessive_commands(rows) if command.share > _WARNING_SHARE]
+    if not excess:
         return None
-    which = ", ".join(map(str, found))
-    return f"{name}: commands exceed the limits of the drive, which executes less: {which}"
+    return f"{name}: commands exceed the limits of the drive, which executes less: {', '.join(map(str, excess))}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,26 +153,26 @@ def totals_of(rows: Iterable[Mapping[str, Any]]) -> Totals:
         for key, sums in counted.items():
             if row.get(key) is not None:
                 sums[0], sums[1] = sums[0] + 1, sums[1] + row["ticks"]
-        for kind, own in (row.get("contacts") or {}).items():
+        for kind, contact in (row.get("contacts") or {}).items():
             known = contacts.setdefault(kind, [0, 0, 0, 0])
-            for k, number in enumerate((1, own["frames"], own["robot_at_fault"], own["other_at_fault"])):
+            for k, number in enumerate((1, contact["frames"], contact["robot_at_fault"], contact["other_at_fault"])):
                 known[k] += number
-        for component, own in (row.get("commands_beyond_limits") or {}).items():
-            number, command, limit = commands.get(component, (0, own["command"], own["limit"]))
-            if abs(own["command"] - own["limit"]) > abs(command - limit):
-                command, limit = own["command"], own["limit"]
-            commands[component] = number + own["frames"], command, limit
+        for component, excess in (row.get("commands_beyond_limits") or {}).items():
+            number, command, limit = commands.get(component, (0, excess["command"], excess["limit"]))
+            if abs(excess["command"] - excess["limit"]) > abs(command - limit):
+                command, limit = excess["command"], excess["limit"]
+            commands[component] = number + excess["frames"], command, limit
     with_contacts, contact_frames = counted["contacts"]
     by_kind = {kind: Contacts(*contacts[kind]) for kind in (ANY_KIND, *CONTACT_KINDS) if kind in contacts}
     summary = ContactSummary(with_contacts, contact_frames, episodes - with_contacts, by_kind)
-    excess = []
+    commands_beyond = []
     for component in _UNITS:
         if component in commands:
             number, command, limit = commands[component]
             share = number / max(counted["commands_beyond_limits"][1], 1)
             share = max(round(share, 4), 0.0001)  # as precise as it is shown; what exists is never 0
-            excess.append(ExcessiveCommands(component, number, share, command, limit))
-    return Totals(episodes, frames, size, summary, excess)
+            commands_beyond.append(ExcessiveCommands(component, number, share, command, limit))
+    return Totals(episodes, frames, size, summary, commands_beyond)
 
 
 def contact_summary(rows: Iterable[Mapping[str, Any]]) -> ContactSummary:

@@ -12,19 +12,18 @@ from typing import Any, TypeVar
 
 from ..core.files.locations import is_remote, location, make_folder
 from ..datasets.dataset import Dataset
-from ..datasets.executors import Workers, parallel_map, shared_workers
 from ..datasets.manifest import MANIFEST, METRICS, SCENARIO, files_of
-from ..datasets.processes import end_if_unguarded
-from ..datasets.tasks import stop_if_over, stop_if_unwanted
+from ..datasets.workers.executors import Workers, parallel_map, shared_workers
+from ..datasets.workers.processes import end_if_unguarded
+from ..datasets.workers.tasks import stop_if_over, stop_if_unwanted
 from ..errors import RecordError, UnsuitableEpisode
 from ..record.files import SUFFIXES, compress, episode_key, file_exists, safe_text, write_atomically
 from ..record.reader import read_episode
-from ..record.record import EpisodeRecord
 from ..record.shard_file import is_shard
 from ..registry import FORMATS
 from . import sonata
-from .base import Format, Import, Options
-from .parse import encode_episode
+from .format import Format, Options
+from .importing import encode_episode
 
 Advance = Callable[[int], None]
 T = TypeVar("T")
@@ -33,7 +32,7 @@ _DEFAULT_OPTIONS = Options()
 
 @dataclass(frozen=True, slots=True)
 class Omission:
-    """Why a file was not transferred; `str` gives the reason.
+    """A file that was not transferred; `str` gives the reason.
 
     Attributes:
         file: the source.
@@ -57,7 +56,7 @@ class TransferResult:
         files: the files that were written.
         refused: files that could not be read, converted or written.
         skipped: valid episodes that the format cannot hold, or that its readers would misinterpret.
-        notes: what to know about the files that were written.
+        notes: remarks on the files that were written.
     """
 
     files: list[Path]
@@ -94,9 +93,9 @@ def format_named(name: str) -> Format:
     return format
 
 
-def _problem(found: object) -> str | None:
-    """Why an object cannot be used as a format."""
-    return None if isinstance(found, Format) else "is not a Format; define it as sonata2d.formats.Format(...)"
+def _problem(plugin: object) -> str | None:
+    """The reason why an object cannot be used as a format, or None."""
+    return None if isinstance(plugin, Format) else "is not a Format; define it as sonata2d.formats.Format(...)"
 
 
 def unsupported_options(format: str, options: Options) -> list[str]:
@@ -106,8 +105,8 @@ def unsupported_options(format: str, options: Options) -> list[str]:
         RecordError: no format has this name.
     """
     supported = format_named(format).options
-    changed = (own.name for own in fields(Options) if getattr(options, own.name) != getattr(_DEFAULT_OPTIONS, own.name))
-    return [name for name in changed if name not in supported]
+    names = (field.name for field in fields(Options) if field.name not in supported)
+    return [name for name in names if getattr(options, name) != getattr(_DEFAULT_OPTIONS, name)]
 
 
 def _require_supported(format: str, options: Options) -> None:
@@ -161,8 +160,8 @@ def export_to(
         The files that were written, and why others were not.
 
     Raises:
-        RecordError: no format has this name, it does not export or use a given option, the source holds no episodes,
-            or tables would be written into the folder of a data set.
+        RecordError: no format has this name, it does not export or use an option of `options`, the source holds no
+            episodes, or tables would be written into the folder of a data set.
         WorkerError: a worker crashed, was killed, or has other software.
     """
     end_if_unguarded()
@@ -235,9 +234,6 @@ class _Transfer:
         """Write tables of all episodes."""
         result = TransferResult([])
         assert self.format.export_all is not None
-        if self.format.pack is None:
-            result.files.extend(self.format.export_all(_read(self.files, result, self.advance), self.out))
-            return result
 
         def packed() -> Iterator[Any]:
             pack = partial(_packed, self.name, episode_key(self.files))
@@ -284,13 +280,13 @@ class _Transfer:
 def _converted(
     name: str, options: Options, key: Callable[[Path], str], file: Path
 ) -> tuple[str, bytes, str | None, RecordError | None]:
-    """The name and the content of the exported file of an episode, what to know about it, or why there is none."""
+    """Name and content of the exported file of an episode, a note about it, and the error if there is no file."""
     chosen = format_named(name)
     assert chosen.export is not None
     try:
         record = read_episode(file)
         data = chosen.export(record, options)
-        note = chosen.note(record, options) if chosen.note is not None else None
+        note = chosen.note(record, options) if chosen.note else None
     except RecordError as error:
         return "", b"", None, error
     exported = sonata.original_name(record) if options.original else f"{key(file).replace('/', '__')}{chosen.suffix}"
@@ -298,11 +294,11 @@ def _converted(
 
 
 def _packed(name: str, key: Callable[[Path], str], file: Path) -> tuple[Any, RecordError | None]:
-    """What a format makes of an episode for its tables, or why it cannot be read."""
+    """The rows of an episode in the form that the format needs, or the error if it cannot be read."""
     pack = format_named(name).pack
-    assert pack is not None
     try:
-        return pack(read_episode(file), key(file)), None
+        record = read_episode(file)
+        return record if pack is None else pack(record, key(file)), None
     except RecordError as error:
         return None, error
 
@@ -326,16 +322,6 @@ def _part(
         stop_if_unwanted()
 
     return chosen.export_part(packed(), out, number), omissions, len(files)
-
-
-def _read(files: Sequence[Path], result: TransferResult, advance: Advance) -> Iterator[EpisodeRecord]:
-    """Yield episodes one by one, as a data set may not fit into memory; damaged files are refused."""
-    for file in files:
-        try:
-            yield read_episode(file)
-        except RecordError as error:
-            result.add_omission(file, error)
-        advance(1)
 
 
 def _write(path: Path, data: bytes, source: Path, written: set[Path]) -> None:
@@ -382,11 +368,13 @@ def import_from(
         The episode files that were written, and why others were refused.
 
     Raises:
-        RecordError: no format has this name, it does not import or use a given option, the source holds no files of
-            it, or the output is in the folder of a data set.
+        RecordError: no format has this name, it does not import or use an option of `options`, the source holds no
+            files of it, or the output is in the folder of a data set.
     """
     chosen, result, written = format_named(format), TransferResult([]), set[Path]()
-    read = _import_function(chosen, format)
+    read = chosen.import_
+    if read is None:
+        raise RecordError(f"{format} files can only be exported")
     _require_supported(format, options)
     source, out = location(source), location(out)
     is_single = source.is_file() and out.name.endswith(SUFFIXES) and not out.is_dir()
@@ -413,12 +401,6 @@ def import_from(
             result.add_omission(file, error)
         advance(1)
     return result
-
-
-def _import_function(chosen: Format, name: str) -> Import:
-    if chosen.import_ is None:
-        raise RecordError(f"{name} files can only be exported")
-    return chosen.import_
 
 
 def _sources(source: Path, chosen: Format) -> list[Path]:

@@ -19,14 +19,14 @@ from ..errors import RecordError, UnsuitableEpisode
 from ..record.files import read_bytes
 from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
-from .base import Format, Options, require_even_times
-from .parse import load_json, numbers, parsing
+from .format import Format, Options, require_even_times
+from .importing import load_json, numbers, parsing
 from .tracks import Tracks, lost_robot, positions_of_present, tracks_document
 
 NAME = "csv"
-COLUMNS = ("frame", "ped", "x", "y")
-TIME = "t"  # s, last column of exported files; other files may lack it
-WALL_COLUMNS = ("x1", "y1", "x2", "y2")
+_COLUMNS = ("frame", "ped", "x", "y")
+_TIME = "t"  # s, last column of exported files; other files may lack it
+_WALL_COLUMNS = ("x1", "y1", "x2", "y2")
 
 
 def export(record: EpisodeRecord, options: Options) -> bytes:
@@ -48,7 +48,7 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
         f"{tick},{id},{x!r},{y!r},{t!r}"
         for tick, id, (x, y), t in zip(*(column.tolist() for column in columns), strict=True)
     ]
-    return "\n".join([",".join((*COLUMNS, TIME)), *lines, ""]).encode()
+    return "\n".join([",".join((*_COLUMNS, _TIME)), *lines, ""]).encode()
 
 
 def import_(path: Path, options: Options) -> Iterator[JsonDict]:
@@ -71,7 +71,7 @@ def read_tracks(path: Path, options: Options) -> Tracks:
     """
     with parsing(path, NAME):
         names, cells = _read(path)
-        for name in COLUMNS:
+        for name in _COLUMNS:
             if name not in names:
                 raise ValueError(f"it has no column {name}; its columns are {', '.join(names)}")
         if not len(cells):
@@ -100,7 +100,7 @@ def _read(path: Path) -> tuple[list[str], Array]:
     if not rows:
         raise ValueError("it is empty")
     has_header = any(re.search("[A-Za-z]", cell) and not _is_number(cell) for cell in rows[0])  # `nan` is a number
-    names = [cell.strip().lower() for cell in rows[0]] if has_header else list(COLUMNS)
+    names = [cell.strip().lower() for cell in rows[0]] if has_header else list(_COLUMNS)
     body = rows[1:] if has_header else rows
     for number, row in enumerate(body):
         if len(row) != len(names):
@@ -135,7 +135,7 @@ def _frame_time(columns: dict[str, Array], options: Options, path: Path) -> floa
     """Duration of one frame number, s: the option, or the slope of the time column, which must be constant."""
     if options.frame_time is not None:
         return options.frame_time
-    frame, t = columns["frame"], columns.get(TIME)
+    frame, t = columns["frame"], columns.get(_TIME)
     if t is None:
         raise RecordError(f"{path} does not give the duration of a frame; pass it, e.g. --frame-time 0.04")
     first, last = int(np.argmin(frame)), int(np.argmax(frame))
@@ -172,8 +172,8 @@ def read_walls(path: Path) -> Array:
     """
     with parsing(path, "walls"):
         names, cells = _read(path)
-    if names != list(WALL_COLUMNS) or not (np.abs(cells) < MAX_MAGNITUDE).all():
-        columns = ",".join(WALL_COLUMNS)
+    if names != list(_WALL_COLUMNS) or not (np.abs(cells) < MAX_MAGNITUDE).all():
+        columns = ",".join(_WALL_COLUMNS)
         raise RecordError(f"{path} must begin with the line {columns!r}, and hold numbers in these columns")
     return cells
 

@@ -21,26 +21,25 @@ from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.people import path_segments
 from ..scenegen.scenario.sections import GoalConfig
-from . import csv_tracks, trajnet
-from .base import Options
-from .imported import bounding_box
-from .parse import parsing
+from . import csv_tracks, estimates, trajnet
+from .format import Options
+from .importing import parsing
 from .tracks import Tracks
 
-BODY_RADIUS = Human(1, Pose(0.0, 0.0)).shape.circumradius  # m: bodies are apart however they turn
-ALLOWED_OVERLAP = 0.03  # m, of outlines at the start; the physics separates them soon
+_BODY_RADIUS = Human(1, Pose(0.0, 0.0)).shape.circumradius  # m: bodies are apart however they turn
+_ALLOWED_OVERLAP = 0.03  # m, of outlines at the start; the physics separates them soon
 _ITERATIONS = 200
 WALKING_SPEED = 0.3  # m/s; slower steps are not used to estimate the desired speed
-STANDING_RADIUS = 0.5  # m; a pedestrian who never leaves this circle around the first position stands
-MINIMUM_WALKING_TIME = 2.0  # s; a shorter walk does not show the desired speed
-VELOCITY_WINDOW = 0.8  # s, over which the velocity at the start is averaged
-ROUND_TRIP_DISTANCE = 2.0  # m; farther away than this and back to within half of it is a round trip
-DESIRED_SPEED_RANGE = (0.3, 2.5)  # m/s
+_STANDING_RADIUS = 0.5  # m; a pedestrian who never leaves this circle around the first position stands
+_MINIMUM_WALKING_TIME = 2.0  # s; a shorter walk does not show the desired speed
+_VELOCITY_WINDOW = 0.8  # s, over which the velocity at the start is averaged
+_ROUND_TRIP_DISTANCE = 2.0  # m; farther away than this and back to within half of it is a round trip
+_DESIRED_SPEED_RANGE = (0.3, 2.5)  # m/s
 
 SUFFIXES = (".yaml", ".yml", ".json")
-ROOM_MARGIN = 1.5  # m, between the room's edges and all tracks and walls: pedestrians enter and leave inside the room
-DISTANCE_TO_TRACKS = 1.0  # m, maximum of a drawn start or goal: it must not lie behind walls where no pedestrian walks
-LARGEST_DISTANCE = 10.0  # m, of a given start or goal from all tracks and walls: farther away suggests other units
+_ROOM_MARGIN = 1.5  # m, between the room's edges and all tracks and walls: pedestrians enter and leave inside the room
+_DISTANCE_TO_TRACKS = 1.0  # m, maximum of a drawn start or goal: it must not lie behind walls where no pedestrian walks
+_LARGEST_DISTANCE = 10.0  # m, of a given start or goal from all tracks and walls: farther away suggests other units
 _NO_DRAWN_PEOPLE: JsonDict = {"standing": 0, "wandering": 0, "tables": 0, "plants": 0, "relations": 0}
 _ROOM_DIGITS = 3  # decimal digits of the room's corners, m
 
@@ -99,15 +98,15 @@ def scenario_from_tracks(
     parts = _in_window(tracks, begin, begin + seconds, path)
     _check_replay_ids(set(replay), [part.id for part, _ in parts], path)
     rows = [
-        replayed_person(part, whole, speed)
+        _replayed_person(part, whole, speed)
         if (part.id in replay if replay else people == "replayed")
-        else simulated_person(part, whole, seconds, speed)
+        else _simulated_person(part, whole, seconds, speed)
         for part, whole in parts
     ]
     if common_speed is not None:
         rows = [row | {"desired_speed": common_speed} if row.keys() & {"goals", "track"} else row for row in rows]
     wall_rows = csv_tracks.read_walls(Path(walls)) if walls is not None else csv_tracks.walls_beside(path)
-    rows = separate_bodies([_without_single_group(row, rows) for row in rows], wall_rows)
+    rows = _separate_bodies([_without_single_group(row, rows) for row in rows], wall_rows)
     mode = "mixed" if replay else people
     return _scenario(
         {
@@ -115,7 +114,7 @@ def scenario_from_tracks(
             "description": f"people of {path.name}, {begin:g} to {begin + seconds:g} s, {mode}",
             "room": {"polygon": _room(rows, wall_rows, robot, goal), "walls": wall_rows.tolist()},
             "robot": ({} if robot is None else {"pose": robot})
-            | ({} if robot and goal else {"on_ways": DISTANCE_TO_TRACKS}),
+            | ({} if robot and goal else {"on_ways": _DISTANCE_TO_TRACKS}),
             "goal": {"min_distance": _minimum_goal_distance(rows)} if goal is None else {"position": goal},
             "rules": {"time_limit": seconds},
             "people": rows,
@@ -154,11 +153,11 @@ def _read_tracks(path: Path, frame_time: float | None) -> tuple[list[Track], flo
     is_trajnet = path.suffix == ".ndjson"
     observations: Tracks = trajnet.read_tracks(path, options) if is_trajnet else csv_tracks.read_tracks(path, options)
     with parsing(path, trajnet.NAME if is_trajnet else csv_tracks.NAME):
-        tracks, step = split_tracks(observations)
+        tracks, step = _split_tracks(observations)
     return tracks, step, None if is_trajnet else csv_tracks.desired_speed_beside(path)
 
 
-def split_tracks(observations: Tracks) -> tuple[list[Track], float]:
+def _split_tracks(observations: Tracks) -> tuple[list[Track], float]:
     """Split the observations of a file into one track per pedestrian.
 
     Frame numbers need not lie on a regular grid.
@@ -234,7 +233,7 @@ def _check_replay_ids(replay: set[int], ids: list[int], path: Path) -> None:
         raise ConfigError(f"{path}: no pedestrian in the time window has the id {id}; the ids are {shown}")
 
 
-def replayed_person(track: Track, whole: Track, default_speed: float | None) -> JsonDict:
+def _replayed_person(track: Track, whole: Track, default_speed: float | None) -> JsonDict:
     """Return the scenario row of a pedestrian who is moved along the recorded track.
 
     Args:
@@ -249,7 +248,7 @@ def replayed_person(track: Track, whole: Track, default_speed: float | None) -> 
     return {"id": track.id} | _group(track) | _desired_speed(whole, default_speed) | {"track": rows}
 
 
-def simulated_person(track: Track, whole: Track, end: float, default_speed: float | None) -> JsonDict:
+def _simulated_person(track: Track, whole: Track, end: float, default_speed: float | None) -> JsonDict:
     """Return the scenario row of a pedestrian who starts as recorded and walks to the recorded destination.
 
     Args:
@@ -263,13 +262,13 @@ def simulated_person(track: Track, whole: Track, end: float, default_speed: floa
     if enters > 0.0:
         row["enters"] = quantised(enters)
     distance = np.hypot(*(whole.position - whole.position[0]).T)
-    if distance.max() < STANDING_RADIUS:
+    if distance.max() < _STANDING_RADIUS:
         leaves = {"leaves": quantised(float(track.time[-1]))} if track.time[-1] < end - 1e-6 else {}
         return row | leaves
     goals = [whole.position[-1]]
-    if distance.max() > ROUND_TRIP_DISTANCE and distance[-1] < ROUND_TRIP_DISTANCE / 2:
+    if distance.max() > _ROUND_TRIP_DISTANCE and distance[-1] < _ROUND_TRIP_DISTANCE / 2:
         goals.insert(0, whole.position[int(np.argmax(distance))])  # a round trip needs its turning point as a goal
-    window = track.time <= track.time[0] + VELOCITY_WINDOW + 1e-9
+    window = track.time <= track.time[0] + _VELOCITY_WINDOW + 1e-9
     window[1] = True  # at least one step, however long
     last = int(np.flatnonzero(window)[-1])
     velocity = (track.position[last] - track.position[0]) / (track.time[last] - track.time[0])
@@ -286,10 +285,10 @@ def _desired_speed(whole: Track, default: float | None) -> JsonDict:
     """The mean speed while walking, where the pedestrian walks long enough to show it."""
     speed, duration = speeds(whole), np.diff(whole.time)
     walking = speed > WALKING_SPEED
-    if duration[walking].sum() < MINIMUM_WALKING_TIME:
+    if duration[walking].sum() < _MINIMUM_WALKING_TIME:
         return {} if default is None else {"desired_speed": default}
     mean = float((speed * duration)[walking].sum() / duration[walking].sum())
-    minimum, maximum = DESIRED_SPEED_RANGE
+    minimum, maximum = _DESIRED_SPEED_RANGE
     return {"desired_speed": quantised(min(max(mean, minimum), maximum))}
 
 
@@ -299,7 +298,7 @@ def _without_single_group(row: JsonDict, rows: list[JsonDict]) -> JsonDict:
     return row if members > 1 else {key: value for key, value in row.items() if key != "group"}
 
 
-def separate_bodies(rows: list[JsonDict], walls: Array) -> list[JsonDict]:
+def _separate_bodies(rows: list[JsonDict], walls: Array) -> list[JsonDict]:
     """Move simulated pedestrians apart, and away from walls, just as far as their bodies need.
 
     Pedestrians who enter later wait until there is space, and are only moved away from walls.
@@ -334,7 +333,7 @@ def _push_from_neighbours(positions: Array) -> Array:
     distance = np.hypot(away[..., 0], away[..., 1])
     same = np.triu(distance < 1e-9, 1)
     away[same], away[same.T] = (0.0, 1.0), (0.0, -1.0)  # two on the same point are pushed to opposite sides
-    overlap = np.maximum(2 * BODY_RADIUS - ALLOWED_OVERLAP - distance, 0.0)
+    overlap = np.maximum(2 * _BODY_RADIUS - _ALLOWED_OVERLAP - distance, 0.0)
     np.fill_diagonal(overlap, 0.0)
     direction = away / np.maximum(np.hypot(away[..., 0], away[..., 1]), 1e-9)[..., None]
     return np.asarray((direction * overlap[..., None] / 2).sum(axis=1))
@@ -348,7 +347,7 @@ def _push_from_walls(positions: Array, walls: Barriers) -> Array:
     nearest = np.hypot(x, y).argmin(axis=0), np.arange(len(positions))
     towards = np.stack((x[nearest], y[nearest]), axis=1)
     distance = np.maximum(np.hypot(towards[:, 0], towards[:, 1]), 1e-9)
-    overlap = np.maximum(BODY_RADIUS - ALLOWED_OVERLAP - distance, 0.0)
+    overlap = np.maximum(_BODY_RADIUS - _ALLOWED_OVERLAP - distance, 0.0)
     return np.asarray(-towards / distance[:, None] * overlap[:, None])
 
 
@@ -371,10 +370,10 @@ def _check_robot_is_near(config: ScenarioConfig, path: Path) -> None:
             continue
         x, y, *_ = place
         gap = float(segments.gaps(np.array([(x, y)], dtype=float)).min())
-        if gap > LARGEST_DISTANCE:
+        if gap > _LARGEST_DISTANCE:
             raise ConfigError(
                 f"{path}: the robot's {what} ({x:g}, {y:g}) is {gap:.1f} m from all tracks and walls; "
-                f"give one within {LARGEST_DISTANCE:g} m"
+                f"give one within {_LARGEST_DISTANCE:g} m"
             )
 
 
@@ -394,7 +393,9 @@ def _room(rows: list[JsonDict], walls: Array, robot: tuple[float, ...] | None, g
     """Corners of the axis-aligned box around tracks, walls, start and goal, (4, 2); its edges cut no track."""
     positions = _positions(rows) + [list(place[:2]) for place in (robot, goal) if place is not None]
     points = np.concatenate((np.array(positions, dtype=float), walls.reshape(-1, 2)))
-    return [[round(v, _ROOM_DIGITS) for v in corner] for corner in bounding_box(points, ROOM_MARGIN).tolist()]
+    return [
+        [round(v, _ROOM_DIGITS) for v in corner] for corner in estimates.bounding_box(points, _ROOM_MARGIN).tolist()
+    ]
 
 
 def save_scenario(config: ScenarioConfig, path: str | Path) -> None:

@@ -1,4 +1,4 @@
-"""Episode documents from foreign recordings: missing velocities, headings and rooms are estimated."""
+"""Episode documents of foreign recordings."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..core.entities import Goal, Human, Robot
-from ..core.geometry import PRECISION, Barriers, Pose
+from ..core.geometry import PRECISION, Pose
 from ..core.humans import ACTIVITIES
 from ..core.portable_math import Array, IntArray
 from ..core.scene import Rules
@@ -19,135 +19,10 @@ from ..record.canonical import rounded, rounded_rows
 from ..record.files import sha256_of
 from ..record.layout import HUMAN_ANGLES, ROBOT_ANGLES, JsonDict, columns, software_versions
 from ..version import FORMAT, FORMAT_VERSION
+from .estimates import POSE, POSITION, THETA, VX, VY, X, Y
 
-# Columns of recorded states: x, y, theta, vx, vy, omega, and for pedestrians head.
-X, Y, THETA, VX, VY = range(5)
-POSITION, POSE, VELOCITY = slice(0, 2), slice(0, 3), slice(3, 5)
-
-WALKING_SPEED = 0.1  # m/s; a slower pedestrian stands
-_CORNER_TOLERANCE = 0.05  # m; ends of walls nearer than this are one corner
-
-
-def velocities(time: Array, poses: Array) -> Array:
-    """Return velocities as backward differences of poses, as a simulator's velocities are those of the last step.
-
-    The first frame of an entity has no predecessor and takes the velocity of the next frame.
-
-    Args:
-        time: (T,), s, rising.
-        poses: (T, ..., 3), columns x, y, theta; NaN where absent.
-
-    Returns:
-        (T, ..., 3), m/s, m/s, rad/s; 0 where unknown, NaN where absent.
-    """
-    rates = np.zeros(poses.shape)
-    if len(poses) > 1:
-        step = np.diff(time).reshape(-1, *([1] * (poses.ndim - 1)))
-        change = np.diff(poses, axis=0)
-        change[..., THETA] = wrap_angles(change[..., THETA])
-        rates[1:] = change / step
-        unknown = np.isnan(rates) & ~np.isnan(poses)  # present now, but not in the frame before
-        unknown[0] = True
-        following = np.concatenate((rates[1:], np.zeros((1, *poses.shape[1:]))))
-        rates = np.where(unknown, np.nan_to_num(following), rates)
-    return np.where(np.isnan(poses), np.nan, rates)
-
-
-def headings_along(velocity: Array) -> Array:
-    """Return headings along the velocities; a pedestrian who stands keeps the last heading.
-
-    Args:
-        velocity: (T, N, 2), m/s; NaN where absent.
-
-    Returns:
-        (T, N), rad; NaN where absent; 0 for pedestrians who never move.
-    """
-    speed = np.hypot(velocity[..., 0], velocity[..., 1])
-    theta = np.arctan2(velocity[..., 1], velocity[..., 0])
-    moving = speed > WALKING_SPEED
-    frames = np.arange(len(velocity))[:, None]
-    last = np.maximum.accumulate(np.where(moving, frames, -1), axis=0)
-    first = np.where(moving.any(axis=0), moving.argmax(axis=0), 0)
-    source = np.where(last < 0, first[None], last)  # before the first motion, its heading is used
-    heading = np.take_along_axis(np.where(moving, theta, 0.0), source, axis=0)
-    return np.where(np.isnan(speed), np.nan, heading)
-
-
-def activity_of(velocity: Array) -> IntArray:
-    """Derive activities, walking or standing, from speeds.
-
-    Args:
-        velocity: (T, N, 2), m/s; NaN where absent.
-
-    Returns:
-        (T, N), indices into `humans.ACTIVITIES`; -1 where absent.
-    """
-    speed = np.hypot(velocity[..., 0], velocity[..., 1])
-    activity = np.where(speed > WALKING_SPEED, ACTIVITIES.index("walking"), ACTIVITIES.index("standing"))
-    return np.where(np.isnan(speed), -1, activity)
-
-
-def polygon_of(walls: Array) -> Array | None:
-    """Find the room that walls enclose.
-
-    Args:
-        walls: (W, 4), x1, y1, x2, y2, m, in any order and direction.
-
-    Returns:
-        (K, 2), corners, counter-clockwise; None if the first wall is not part of a closed line.
-    """
-    distinct = list(dict.fromkeys(map(tuple, walls.tolist())))
-    if len(distinct) < 3:
-        return None
-    # walls by the cell of an end; ends at one corner lie in one cell, or in adjacent ones
-    cells: dict[tuple[int, int], dict[int, None]] = {}
-    for index, wall in enumerate(distinct[1:], 1):
-        for point in (wall[:2], wall[2:]):
-            cells.setdefault(_cell(point), {})[index] = None
-    corners, end = [distinct[0][:2]], distinct[0][2:]
-    # Append the wall that continues at the open end until the line returns to the first corner.
-    while len(corners) < len(distinct) and math.dist(end, corners[0]) > _CORNER_TOLERANCE:
-        column, row = _cell(end)
-        near = {k for dx in (-1, 0, 1) for dy in (-1, 0, 1) for k in cells.get((column + dx, row + dy), ())}
-        gaps = [(min(math.dist(end, distinct[k][:2]), math.dist(end, distinct[k][2:])), k) for k in near]
-        gap, index = min(gaps, default=(math.inf, 0))
-        if gap > _CORNER_TOLERANCE:
-            return None
-        wall = distinct[index]
-        for point in (wall[:2], wall[2:]):
-            cells[_cell(point)].pop(index, None)
-        corners.append(end)
-        end = wall[2:] if math.dist(end, wall[:2]) <= _CORNER_TOLERANCE else wall[:2]
-    ring = np.array(corners)
-    if len(ring) < 3 or math.dist(end, corners[0]) > _CORNER_TOLERANCE:
-        return None
-    x, y = ring.T
-    area = float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
-    return ring if area > 0 else ring[::-1]
-
-
-def _cell(point: tuple[float, ...]) -> tuple[int, int]:
-    """The cell of a grid in which a point lies; cells are as large as the tolerance."""
-    return math.floor(point[0] / _CORNER_TOLERANCE), math.floor(point[1] / _CORNER_TOLERANCE)
-
-
-def bounding_box(points: Array, margin: float) -> Array:
-    """Return the corners of the axis-aligned box around points, widened by a margin.
-
-    Args:
-        points: (M, 2), m.
-        margin: m.
-
-    Returns:
-        (4, 2), counter-clockwise, m.
-    """
-    (x0, y0), (x1, y1) = points.min(axis=0) - margin, points.max(axis=0) + margin
-    return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
-
-
-NO_PHYSICS = 0  # version of the physics in imported episodes: no simulator produced them
-_OVERLAP, _SMALLEST_RADIUS = 0.02, 0.05  # m
-PERSON, ROBOT = Human(1, Pose(0.0, 0.0)), Robot(Pose(0.0, 0.0))  # default values of what a source does not record
+_NO_PHYSICS = 0  # version of the physics in imported episodes: no simulator produced them
+_PERSON, ROBOT = Human(1, Pose(0.0, 0.0)), Robot(Pose(0.0, 0.0))  # default values of what a source does not record
 _MISSING = (
     "seed", "episode", "physics", "settings", "rules.substeps", "rules.iterations", "rules.time_limit", "rules.ends_on",
     "rules.guard", "rules.contact_distance", "rules.side", "robot.limits", "robot.kinematics", "humans.desired_speed",
@@ -175,8 +50,8 @@ class SourceEpisode:
         robot_radius: m.
         command: (T, 3) or (T - 1, 3), twists in the body frame; None if the source has no commands.
         command_fraction: commands as fractions of the robot's limits, -1..1, instead of `command`.
-        missing: keys that hold defaults as this source lacks them, besides those that all sources lack.
-        derived: keys that were computed from the source, besides those of all sources.
+        missing: keys that hold defaults as this source lacks them, besides the keys that all sources lack.
+        derived: keys that were computed from the source, besides the keys that are computed for all sources.
         header: keys of the episode file that replace the defaults.
     """
 
@@ -221,8 +96,11 @@ def episode_document(source: SourceEpisode, format: str, path: Path) -> JsonDict
         "derived": sorted({*_DERIVED, *source.derived}),
     }
     states = _states(source)
-    twists = zip(states, command.tolist(), _executed(source, dt).tolist(), strict=False)
-    frames = [_frame(state, *pair) for state, *pair in twists][: len(states) - 1]
+    twists = zip(states[:-1], command.tolist(), _executed(source, dt).tolist(), strict=False)
+    frames = [
+        state | {"command": command, "executed": executed, "guarded": False, "events": []}
+        for state, command, executed in twists
+    ]
     final = states[-1] | ({"command": command[-1].tolist()} if len(command) == len(states) else {})
     return {
         **header,
@@ -273,7 +151,7 @@ def _header(source: SourceEpisode, format: str, path: Path, dt: float) -> JsonDi
         "family": f"imported/{format}",
         "seed": 0,
         "episode": 0,
-        "physics": NO_PHYSICS,
+        "physics": _NO_PHYSICS,
         "precision": PRECISION,
         "settings": None,
         "rules": asdict(rules) | {"ends_on": []},
@@ -315,11 +193,11 @@ def _humans(source: SourceEpisode) -> list[JsonDict]:
         first, speeds = rows[present[0], k], np.hypot(rows[present, k, VX], rows[present, k, VY])
         walks = bool(speeds.max() > 0.1)
         # `check` accepts up to 1.3 times the desired speed and 1 m/s more.
-        desired_speed = _round_up(max(PERSON.desired_speed, (float(speeds.max()) - 1.0) / 1.3))
+        desired_speed = _round_up(max(_PERSON.desired_speed, (float(speeds.max()) - 1.0) / 1.3))
         leaves = int(present[-1]) + 1
         human = Human(
             id,
-            PERSON.pose,
+            _PERSON.pose,
             radius,
             desired_speed,
             "wandering" if walks else "standing",
@@ -375,10 +253,6 @@ def _states(source: SourceEpisode) -> list[JsonDict]:
     ]
 
 
-def _frame(state: JsonDict, command: list[float], executed: list[float]) -> JsonDict:
-    return state | {"command": command, "executed": executed, "guarded": False, "events": []}
-
-
 def goal_of(position: list[float], theta: float = 0.0, **tolerances: float) -> JsonDict:
     """Return a goal with the keys of the episode file, rounded as in files.
 
@@ -391,29 +265,7 @@ def goal_of(position: list[float], theta: float = 0.0, **tolerances: float) -> J
     return asdict(Goal(pose.x, pose.y, pose.theta, **tolerances))
 
 
-def fitting_radii(positions: Array, walls: Array) -> list[float]:
-    """Choose radii for pedestrians without recorded radii.
-
-    The default radius is reduced where a pedestrian comes nearer to another one or to a wall, so that no check reports
-    overlapping outlines when the outlines are unknown.
-
-    Args:
-        positions: (T, N, 2 or more), columns x, y, ...; NaN where absent.
-        walls: (W, 4), x1, y1, x2, y2, m.
-
-    Returns:
-        (N,), m.
-    """
-    barriers = Barriers.of([((x1, y1), (x2, y2), 0.0) for x1, y1, x2, y2 in np.asarray(walls).tolist()])
-    clearance = np.full(positions.shape[1], np.inf)
-    for frame in positions[..., POSITION]:
-        present = np.flatnonzero(~np.isnan(frame[:, X]))
-        points = frame[present]
-        distance = np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1))
-        np.fill_diagonal(distance, np.inf)
-        free = distance.min(axis=1, initial=np.inf) / 2
-        if len(barriers) and len(points):
-            free = np.minimum(free, barriers.gaps(points).min(axis=0))
-        clearance[present] = np.minimum(clearance[present], free)
-    radii = np.clip(clearance + _OVERLAP, _SMALLEST_RADIUS, PERSON.radius)
-    return [float(radius) for radius in rounded(radii)]
+def object_row(id: int, type: str, pose: list[float], shape: JsonDict) -> JsonDict:
+    """Return a piece of furniture with the keys of the episode file, on no other one."""
+    x, y, theta = pose
+    return {"id": id, "type": type, "x": x, "y": y, "theta": theta, "shape": shape, "on": None, "seat": None}

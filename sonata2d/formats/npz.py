@@ -2,7 +2,7 @@
 
 For T frames and the final state of N pedestrians, the keys are `tick`, `time`, `robot` (T + 1, 6), `humans`
 (T + 1, N, 7) with NaN where a pedestrian is absent, `activity`, `command` and `executed` (T, 3), `guarded`, `human_id`,
-`header` (text: the keys of the episode file besides frames) and `told` (text: interactions, contacts, events and label
+`header` (text: the keys of the episode file besides frames) and `texts` (text: interactions, contacts, events and label
 of each frame). `numpy.load` reads the file without pickle.
 """
 
@@ -21,39 +21,30 @@ from ..core.files.limits import MAX_FILE_BYTES
 from ..record.files import read_bytes
 from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
-from .base import Format, Options
-from .imported import X
-from .parse import parsing
+from .estimates import X
+from .format import Format, Options, header_of
+from .importing import document_of, parsing
 
 NAME = "npz"
-_ARRAYS = ("tick", "time", "robot", "humans", "activity", "command", "executed", "guarded")
+_STATES = ("tick", "time", "robot", "humans", "activity")  # arrays of T + 1 states
+_TWISTS = ("command", "executed", "guarded")  # arrays of T frames
+_ARRAYS = (*_STATES, *_TWISTS)
 _TEXT_KEYS = ("interactions", "contacts", "events", "label")
 
 
 def export(record: EpisodeRecord, options: Options) -> bytes:
     """Return the file of an episode."""
     document, states = record.document, record.states
-    header = {key: value for key, value in document.items() if key not in ("frames", "final")}
-    texts = [  # the command of the final state, if it has one, is not in the arrays
-        {
-            key: frame[key]
-            for key in (*_TEXT_KEYS, *(("command",) if frame is document["final"] else ()))
-            if key in frame
-        }
-        for frame in (*document["frames"], document["final"])
-    ]
+    frames = (*document["frames"], document["final"])
+    texts = [{key: frame[key] for key in _TEXT_KEYS if key in frame} for frame in frames]
+    if "command" in frames[-1]:  # the arrays hold the commands of the T frames only
+        texts[-1]["command"] = frames[-1]["command"]
     arrays: dict[str, Any] = {
-        "tick": states.tick,
-        "time": states.time,
-        "robot": states.robot,
-        "humans": states.humans,
-        "activity": states.activity,
-        "command": record.command,
-        "executed": record.executed,
-        "guarded": record.guarded,
+        **{name: getattr(states, name) for name in _STATES},
+        **{name: getattr(record, name) for name in _TWISTS},
         "human_id": np.array([human.id for human in record.scene().humans], dtype=np.int64),
-        "header": np.array(orjson.dumps(header).decode()),
-        "told": np.array(orjson.dumps(texts).decode()),
+        "header": np.array(orjson.dumps(header_of(document)).decode()),
+        "texts": np.array(orjson.dumps(texts).decode()),
     }
     data = io.BytesIO()
     np.savez_compressed(data, allow_pickle=False, **arrays)
@@ -68,13 +59,12 @@ def import_(path: Path, options: Options) -> Iterator[JsonDict]:
     """
     data = read_bytes(path)
     with parsing(path, NAME):
-        yield _document(read_npz(data, MAX_FILE_BYTES, (*_ARRAYS, "human_id", "header", "told")))
+        yield _document(read_npz(data, MAX_FILE_BYTES, (*_ARRAYS, "human_id", "header", "texts")))
 
 
 def _document(arrays: dict[str, Any]) -> JsonDict:
     """The document, with keys in the order of the recorder."""
-    header, texts = orjson.loads(str(arrays["header"])), orjson.loads(str(arrays["told"]))
-    software = header.pop("software")
+    header, texts = orjson.loads(str(arrays["header"])), orjson.loads(str(arrays["texts"]))
     lists = {name: arrays[name].tolist() for name in _ARRAYS}
     humans = arrays["humans"]
     absent = np.isnan(humans[..., X]) if humans.size else np.zeros((len(texts), 0), dtype=bool)
@@ -85,9 +75,9 @@ def _document(arrays: dict[str, Any]) -> JsonDict:
         ]
         frame: JsonDict = {"tick": lists["tick"][t], "time": lists["time"][t], "robot": lists["robot"][t]}
         if t < len(texts) - 1:
-            frame |= {key: lists[key][t] for key in ("command", "executed", "guarded")}
+            frame |= {key: lists[key][t] for key in _TWISTS}
         frames.append(frame | {"humans": rows, "activity": lists["activity"][t]} | text)
-    return {**header, "frames": frames[:-1], "final": frames[-1], "software": software}
+    return document_of(header, frames)
 
 
 FORMAT = Format("NumPy arrays of the whole episode", ".npz", import_, export=export)

@@ -32,8 +32,8 @@ from ..record.files import write_atomically
 from ..record.layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from ..record.record import EpisodeRecord
 from ..record.tables import JSON_KEYS, TABLES, tables_of
-from .base import Format, Options
-from .parse import parsing
+from .format import Format, Options
+from .importing import document_of, parsing
 
 NAME = "parquet"
 _ROW_GROUP, _GROUP_BYTES = 100_000, 1 << 24  # rows and bytes of a row group
@@ -240,7 +240,7 @@ def _schemas(pa: Any) -> dict[str, Any]:
 
 
 def _readme(is_in_parts: bool) -> str:
-    """README.md of the folder; the description of the tables is that of this module."""
+    """README.md of the folder; the description of the tables is the table of this module's docstring."""
     ending = "-*.parquet" if is_in_parts else ".parquet"
     configs = "".join(f'- config_name: {name}\n  data_files: "{name}{ending}"\n' for name in TABLES)
     description = [line for line in (__doc__ or "").splitlines() if line.startswith("|")]
@@ -309,7 +309,7 @@ def _document(
 ) -> JsonDict:
     """The document, with keys in the order of the recorder."""
     header = orjson.loads(episode["header"])
-    software, activities = header.pop("software"), header.get("activities", list(ACTIVITIES))
+    activities = header.get("activities", list(ACTIVITIES))
     column = {human["id"]: k for k, human in enumerate(header["humans"])}
     humans: dict[int, list[Any]] = {row["tick"]: [None] * len(column) for row in frames}
     activity = {row["tick"]: [ABSENT] * len(column) for row in frames}
@@ -320,7 +320,7 @@ def _document(
     for row in interactions:
         edges[row["tick"]].append([row["src"], row["relation"], row["dst"]])
     states = [_frame(row, humans[row["tick"]], activity[row["tick"]], edges[row["tick"]]) for row in frames]
-    return {**header, "frames": states[:-1], "final": states[-1], "software": software}
+    return document_of(header, states)
 
 
 def _frame(row: JsonDict, humans: list[Any], activity: list[int], interactions: list[Any]) -> JsonDict:

@@ -20,7 +20,9 @@ from ..record.canonical import rounded, rounded_rows
 from ..record.files import safe_stem, safe_text
 from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
-from .base import (
+from . import estimates
+from .estimates import POSE, POSITION, THETA, VELOCITY
+from .format import (
     Format,
     Options,
     exact_stamps,
@@ -31,27 +33,13 @@ from .base import (
     require_known_relations,
     require_robot,
 )
-from .imported import (
-    POSE,
-    POSITION,
-    ROBOT,
-    THETA,
-    VELOCITY,
-    SourceEpisode,
-    activity_of,
-    bounding_box,
-    episode_document,
-    fitting_radii,
-    goal_of,
-    polygon_of,
-    velocities,
-)
-from .parse import load_json, numbers, parsing, table
+from .imported import ROBOT, SourceEpisode, episode_document, goal_of, object_row
+from .importing import load_json, numbers, parsing, table
 
 NAME = "sonata"
-ADVANCE, ROTATION = 3.5, 4.0  # joystick values at full deflection
-MINIMUM_DURATION = 2.0  # s; readers make no graph of a shorter file, and stop if it is the only one
-ORIGINAL_RELATIONS = RELATIONS[:4]
+_ADVANCE, _ROTATION = 3.5, 4.0  # joystick values at full deflection
+_MINIMUM_DURATION = 2.0  # s; readers make no graph of a shorter file, and stop if it is the only one
+_ORIGINAL_RELATIONS = RELATIONS[:4]
 _EPOCH = 1_595_000_000.0  # s since 1970, July 2020: nominal start of the original's first episode
 _EPISODE_OFFSET = 3600.0  # s between the nominal starts of episodes
 _PERIOD = 0.1  # s; the original saved a frame when more time than this had passed
@@ -70,7 +58,7 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
     """
     _check_exportable(record, options)
     ticks, stamps = _saved_ticks(record, options)
-    require_duration(record, NAME, float(stamps[-1] - stamps[0]) if len(stamps) else 0.0, MINIMUM_DURATION)
+    require_duration(record, NAME, float(stamps[-1] - stamps[0]) if len(stamps) else 0.0, _MINIMUM_DURATION)
     poses = _local_poses(record, ticks)
     steps = np.zeros(poses.shape)  # the format's velocities: previous pose minus this one, per frame
     steps[1:] = poses[:-1] - poses[1:]
@@ -110,7 +98,7 @@ def _check_exportable(record: EpisodeRecord, options: Options) -> None:
     require_all_present(record, NAME)
     require_consecutive_ids(record, NAME)
     require_even_times(record, NAME)
-    require_known_relations(record, NAME, ORIGINAL_RELATIONS if options.original else RELATIONS)
+    require_known_relations(record, NAME, _ORIGINAL_RELATIONS if options.original else RELATIONS)
 
 
 def _nominal_start(record: EpisodeRecord) -> float:
@@ -143,12 +131,12 @@ def _local_poses(record: EpisodeRecord, ticks: list[int]) -> Array:
     objects = np.broadcast_to(furniture, (len(ticks), *furniture.shape))
     world = np.concatenate((people, objects), axis=1)
     robot = states.robot[ticks][:, None, POSE]
-    position = to_robot_frame(world[..., POSITION], robot)
+    position = _to_robot_frame(world[..., POSITION], robot)
     angle = -_wrap(world[..., THETA] - robot[..., THETA] + np.pi / 2)
     return np.concatenate((position, angle[..., None]), axis=-1)
 
 
-def to_robot_frame(points: Array, robot: Array) -> Array:
+def _to_robot_frame(points: Array, robot: Array) -> Array:
     """Transform world points into the format's robot frame, x to the right and y ahead.
 
     Args:
@@ -167,8 +155,8 @@ def _walls_and_goal(record: EpisodeRecord, ticks: list[int]) -> tuple[Any, Any]:
     """Walls, (T, W, 4), and the goal, (T, 2), in the robot frame, as lists."""
     scene, robot = record.scene(), record.states.robot[ticks][:, None, POSE]
     ends = np.array([point for wall in scene.walls for point in (wall.start, wall.end)], dtype=float).reshape(1, -1, 2)
-    walls = to_robot_frame(np.broadcast_to(ends, (len(ticks), *ends.shape[1:])), robot).reshape(len(ticks), -1, 4)
-    goal = to_robot_frame(np.broadcast_to(np.array(scene.goal.position), (len(ticks), 1, 2)), robot)[:, 0]
+    walls = _to_robot_frame(np.broadcast_to(ends, (len(ticks), *ends.shape[1:])), robot).reshape(len(ticks), -1, 4)
+    goal = _to_robot_frame(np.broadcast_to(np.array(scene.goal.position), (len(ticks), 1, 2)), robot)[:, 0]
     return walls.tolist(), goal.tolist()
 
 
@@ -177,7 +165,7 @@ def _joystick(record: EpisodeRecord, ticks: list[int]) -> Array:
     limits, final = record.scene().robot.limits, record.document["final"]
     command = np.concatenate((record.command, [final.get("command", (0.0, 0.0, 0.0))]))[ticks]
     scale = np.array([1.0 / limits.ahead, -1.0 / limits.sideways, -1.0 / limits.turn])
-    joystick = np.clip(command * scale, -1.0, 1.0) * np.array([ADVANCE, 1.0, ROTATION]) + 0.0  # + 0.0: no -0.0
+    joystick = np.clip(command * scale, -1.0, 1.0) * np.array([_ADVANCE, 1.0, _ROTATION]) + 0.0  # + 0.0: no -0.0
     return np.asarray(joystick)
 
 
@@ -266,10 +254,7 @@ def _source_episode(frames: Any) -> SourceEpisode:
     if not isinstance(frames, list) or len(frames) < 2:
         raise ValueError("it must be a list of two frames or more")
     people, objects = _ids(frames, "people"), _ids(frames, "objects")
-    stamps = numbers(frames, ("timestamp",), "frames")[:, 0]
-    time = stamps - stamps[0]
-    if not (np.diff(time) > 5e-5).all():
-        raise ValueError(f"timestamps must rise, frame {int(np.argmin(np.diff(time))) + 1} does not")
+    time = estimates.elapsed(numbers(frames, ("timestamp",), "frames")[:, 0], "frame")
     walls = _block(frames, "walls", ("x1", "y1", "x2", "y2"))
     entities = (("people", people), ("objects", objects))
     bodies = np.concatenate([_block(frames, key, ("x", "y", "a"), ids) for key, ids in entities], axis=1)
@@ -293,7 +278,7 @@ def _ids(frames: list[JsonDict], key: str) -> list[int]:
 
 
 def _block(frames: list[JsonDict], key: str, names: tuple[str, ...], ids: list[int] | None = None) -> Array:
-    """(T, K, columns) of the entities under a key in all frames; in the order of ids if they are given."""
+    """(T, K, columns) of the entities under a key in all frames; in the order of `ids` unless it is None."""
     blocks = []
     for t, frame in enumerate(frames):
         rows = frame[key]
@@ -314,7 +299,7 @@ def _landmarks(walls: Array, objects: Array, goal: Array) -> Array:
 
 
 def _robot_poses(landmarks: Array) -> Array:
-    """The robot's poses, (T, 3), from the least-squares rigid motion of the landmarks onto those of the first frame."""
+    """The robot's poses, (T, 3), from the least-squares rigid motion of the landmarks onto the first frame."""
     first = landmarks[0] - landmarks[0].mean(axis=0)
     if len(first) < 2 or np.hypot(*first.T).max() < 0.1:
         raise ValueError("it has no walls, and fewer than two static points, so the robot's motion cannot be found")
@@ -353,21 +338,19 @@ def _to_world(
     static = np.concatenate((position[:, count:], _rotate(goal, turn) + robot[:, None, POSITION]), axis=1)
     _check_static(static, [*(f"object {id}" for id in objects), "the goal"])
     poses = np.concatenate((position, _wrap(turn - bodies[..., THETA])[..., None]), axis=-1)
-    humans = np.concatenate((poses[:, :count], velocities(time, poses[:, :count])), axis=-1)
-    humans = np.concatenate((humans, humans[..., THETA : THETA + 1]), axis=-1)  # the head faces ahead
+    humans = estimates.with_velocities(time, poses[:, :count])
     ids = {*people, *objects}
     interactions = [_read_interactions(frame["interaction"], set(people), ids) for frame in frames]
-    polygon, corners = polygon_of(walls[0]), walls[0].reshape(-1, 2)
-    points = np.concatenate((position.reshape(-1, 2), robot[:, POSITION], corners))
+    points = np.concatenate((position.reshape(-1, 2), robot[:, POSITION]))
     return SourceEpisode(
         time=time,
-        robot=np.concatenate((robot, velocities(time, robot)), axis=1),
+        robot=np.concatenate((robot, estimates.velocities(time, robot)), axis=1),
         humans=humans,
         ids=people,
-        radii=fitting_radii(humans, walls[0]),
+        radii=estimates.fitting_radii(humans, walls[0]),
         activity=_activity(humans, people, interactions),
         interactions=interactions,
-        polygon=bounding_box(points, 1.0) if polygon is None else polygon,
+        polygon=estimates.room_around(walls[0], points),
         walls=walls[0],
         objects=_objects(frames[0], objects, poses[0, count:]),
         goal=goal_of(goal[0, 0].tolist()),
@@ -388,7 +371,7 @@ def _read_interactions(rows: list[JsonDict], people: set[int], ids: set[int]) ->
 
 def _activity(humans: Array, ids: list[int], interactions: list[list[list[Any]]]) -> IntArray:
     """Activities by interaction; of pedestrians without interactions by speed."""
-    activity = activity_of(humans[..., VELOCITY])
+    activity = estimates.activity_of(humans[..., VELOCITY])
     for t, rows in enumerate(interactions):
         for src, relation, dst in rows:
             index = ACTIVITIES.index(_ACTIVITY_OF.get(relation, "looking"))
@@ -405,18 +388,15 @@ def _objects(frame: JsonDict, ids: list[int], poses: Array) -> list[JsonDict]:
     sizes = rounded(numbers([by_id[id] for id in ids], ("size_x", "size_y"), "objects")).tolist()
     placed = rounded_rows(poses, [THETA]).tolist()
     return [
-        {
-            "id": id, "type": types.get(id, "object"), "x": x, "y": y, "theta": theta,
-            "shape": {"type": "rectangle", "length": length, "width": width}, "on": None, "seat": None,
-        }
-        for id, (x, y, theta), (length, width) in zip(ids, placed, sizes, strict=True)
-    ]  # fmt: skip
+        object_row(id, types.get(id, "object"), pose, {"type": "rectangle", "length": length, "width": width})
+        for id, pose, (length, width) in zip(ids, placed, sizes, strict=True)
+    ]
 
 
 def _command_fractions(frames: list[JsonDict]) -> Array:
     """Commands as fractions of the robot's limits; the format does not give the scale of the joystick in m/s."""
     joystick = table([frame["command"] for frame in frames], 3, "command of frames")
-    fraction: Array = joystick * np.array([1.0 / ADVANCE, -1.0, -1.0 / ROTATION])
+    fraction: Array = joystick * np.array([1.0 / _ADVANCE, -1.0, -1.0 / _ROTATION])
     return fraction
 
 

@@ -18,21 +18,10 @@ from ..core.portable_math import Array, IntArray
 from ..core.vectors import wrap_angles
 from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
-from .base import Options
-from .imported import (
-    POSITION,
-    ROBOT,
-    THETA,
-    SourceEpisode,
-    X,
-    activity_of,
-    bounding_box,
-    episode_document,
-    fitting_radii,
-    goal_of,
-    headings_along,
-    velocities,
-)
+from . import estimates
+from .estimates import POSITION, THETA, X
+from .format import Options
+from .imported import ROBOT, SourceEpisode, episode_document, goal_of
 
 _MARGIN = 1.5  # m, of the room around the tracks; the robot stands in this margin
 _MISSING = (
@@ -90,13 +79,14 @@ def tracks_document(tracks: Tracks, format: str, path: Path, walls: Array, desir
 
 def _source_episode(tracks: Tracks, walls: Array) -> SourceEpisode:
     ids, time, position = _resample(tracks)
-    rates = velocities(time, np.concatenate((position, np.zeros((*position.shape[:2], 1))), axis=-1))[..., POSITION]
-    theta = headings_along(rates)
+    unturned = np.concatenate((position, np.zeros((*position.shape[:2], 1))), axis=-1)
+    rates = estimates.velocities(time, unturned)[..., POSITION]
+    theta = estimates.headings_along(rates)
     poses = np.concatenate((position, theta[..., None]), axis=-1)
     # Bounds the turn rates of the shortest time steps: |omega| <= pi / PRECISION.
-    omega = wrap_angles(np.nan_to_num(velocities(time, poses)[..., THETA]) * PRECISION) / PRECISION
+    omega = wrap_angles(np.nan_to_num(estimates.velocities(time, poses)[..., THETA]) * PRECISION) / PRECISION
     rows = np.concatenate((poses, rates, np.where(np.isnan(theta), np.nan, omega)[..., None], theta[..., None]), -1)
-    box = bounding_box(np.concatenate((tracks.position, walls.reshape(-1, 2))), _MARGIN)
+    box = estimates.bounding_box(np.concatenate((tracks.position, walls.reshape(-1, 2))), _MARGIN)
     corner = box[0] + _MARGIN / 2
     robot = np.tile((*corner, 0.0, 0.0, 0.0, 0.0), (len(time), 1))
     return SourceEpisode(
@@ -104,8 +94,8 @@ def _source_episode(tracks: Tracks, walls: Array) -> SourceEpisode:
         robot=robot,
         humans=rows,
         ids=ids,
-        radii=fitting_radii(position, walls),
-        activity=activity_of(rates),
+        radii=estimates.fitting_radii(position, walls),
+        activity=estimates.activity_of(rates),
         interactions=[[] for _ in time],
         polygon=box,
         walls=walls,

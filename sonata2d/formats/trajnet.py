@@ -17,15 +17,15 @@ from ..errors import UnsuitableEpisode
 from ..record.files import read_bytes
 from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
-from .base import Format, Options, require_even_times
 from .csv_tracks import read_walls
-from .imported import X
-from .parse import numbers, parsing
+from .estimates import X
+from .format import Format, Options, require_even_times
+from .importing import numbers, parsing
 from .tracks import Tracks, lost_robot, positions_of_present, tracks_document
 
 NAME = "trajnet"
-INTERVAL = 0.4  # s between frames
-LENGTH = 21  # frames of a scene
+_INTERVAL = 0.4  # s between frames
+_LENGTH = 21  # frames of a scene
 
 
 def export(record: EpisodeRecord, options: Options) -> bytes:
@@ -42,7 +42,7 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
     if not scenes:
         raise UnsuitableEpisode(
             record.path,
-            f"no pedestrian is present for {(LENGTH - 1) * INTERVAL:g} s, the minimum for readers of {NAME}",
+            f"no pedestrian is present for {(_LENGTH - 1) * _INTERVAL:g} s, the minimum for readers of {NAME}",
             "leave out such episodes",
         )
     rows, row_ids, positions = positions_of_present(humans, ids)
@@ -50,32 +50,32 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
         {"track": {"f": f, "p": p, "x": x, "y": y}}
         for f, p, (x, y) in zip((rows * stride).tolist(), row_ids.tolist(), positions.tolist(), strict=True)
     )
-    heads = [{"scene": {"id": k, **scene, "fps": 1 / INTERVAL, "tag": 0}} for k, scene in enumerate(scenes)]
+    heads = [{"scene": {"id": k, **scene, "fps": 1 / _INTERVAL, "tag": 0}} for k, scene in enumerate(scenes)]
     return b"\n".join([orjson.dumps(line) for line in (*heads, *tracks)]) + b"\n"
 
 
 def _stride(record: EpisodeRecord) -> int:
     """Ticks between exported frames."""
     dt = record.scene().rules.dt
-    stride = round(INTERVAL / dt)
-    if stride < 1 or abs(stride * dt - INTERVAL) > 1e-9:
+    stride = round(_INTERVAL / dt)
+    if stride < 1 or abs(stride * dt - _INTERVAL) > 1e-9:
         raise UnsuitableEpisode(
             record.path,
-            f"ticks of {dt:g} s do not divide the {INTERVAL} s between frames of {NAME}",
+            f"ticks of {dt:g} s do not divide the {_INTERVAL} s between frames of {NAME}",
             "record with a tick of 0.1, 0.2 or 0.4 s",
         )
     return stride
 
 
 def _scenes(present: BoolArray, ids: list[int], stride: int) -> Iterator[JsonDict]:
-    """Yield consecutive scenes of each pedestrian: `LENGTH` frames of uninterrupted presence; present is (T, N)."""
+    """Yield consecutive scenes of each pedestrian: `_LENGTH` frames of uninterrupted presence; present is (T, N)."""
     for k, id in enumerate(ids):
         first = 0
-        while first + LENGTH <= len(present):
-            gaps = np.flatnonzero(~present[first : first + LENGTH, k])
+        while first + _LENGTH <= len(present):
+            gaps = np.flatnonzero(~present[first : first + _LENGTH, k])
             if not len(gaps):
-                yield {"p": id, "s": first * stride, "e": (first + LENGTH - 1) * stride}
-            first += int(gaps[-1]) + 1 if len(gaps) else LENGTH  # continue after the last gap
+                yield {"p": id, "s": first * stride, "e": (first + _LENGTH - 1) * stride}
+            first += int(gaps[-1]) + 1 if len(gaps) else _LENGTH  # continue after the last gap
 
 
 def import_(path: Path, options: Options) -> Iterator[JsonDict]:
@@ -129,7 +129,7 @@ def _frame_time(scenes: list[JsonDict], frame: IntArray) -> float:
     rates = {scene.get("fps") for scene in scenes} - {None}
     if len(rates) > 1:
         raise ValueError(f"its scenes have different frame rates, {sorted(map(str, rates))}")
-    rate = float(numbers([{"fps": rates.pop()}], ("fps",), "scenes")[0, 0]) if rates else 1 / INTERVAL
+    rate = float(numbers([{"fps": rates.pop()}], ("fps",), "scenes")[0, 0]) if rates else 1 / _INTERVAL
     if rate <= 0:
         raise ValueError(f"fps must be positive, got {rate:g}")
     steps, counts = np.unique(np.diff(np.unique(frame)), return_counts=True)

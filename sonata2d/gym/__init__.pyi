@@ -1,7 +1,19 @@
-from .demonstrations import Demonstration as Demonstration, demonstrate as demonstrate, save_minari as save_minari
+from .demonstrations import (
+    Demonstration as Demonstration,
+    EnvSamples as EnvSamples,
+    demonstrate as demonstrate,
+    save_minari as save_minari,
+)
 from .env import SocialNavEnv as SocialNavEnv
-from .env_samples import EnvSamples as EnvSamples
 from .export import save_policy as save_policy
+from .parts import (
+    Column as Column,
+    DerivedPart as DerivedPart,
+    ObservationPart as ObservationPart,
+    Rows as Rows,
+    SnapshotPart as SnapshotPart,
+    Table as Table,
+)
 from .pipeline import restore as restore
 from .policy import PolicyController as PolicyController
 from .registration import ENVIRONMENT_IDS as ENVIRONMENT_IDS, register_environments as register_environments

@@ -1,7 +1,8 @@
-"""Demonstrations: what a controller does in the environment, for imitation."""
+"""Observations and actions for imitation: of a controller in the environment, and of recorded episodes."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import astuple, dataclass
 from typing import Any
 
@@ -12,9 +13,10 @@ from numpy.typing import NDArray
 from ..agents.controllers.base import Controller, Regenerate, Stop, require_controller
 from ..core.geometry import Twist
 from ..errors import ControllerError
+from ..record.record import EpisodeRecord
 from .env import wrappers_of
 from .pipeline import Pipeline
-from .wrappers import DiscreteActions
+from .wrappers import DiscreteActions, stacked
 
 Env = gymnasium.Env[Any, Any]
 _NOISE_TIME = 0.5  # s
@@ -49,17 +51,17 @@ def demonstrate(
     Args:
         env: in wrappers or not.
         controller: e.g. `sonata2d.SocialPlanner()`.
-        seed: of the first reset; the episodes are those of a data set with this seed.
+        seed: of the first reset; the scenes are the scenes of a data set with this seed.
         episodes: their number.
-        noise: standard deviation of what is added to the executed actions, constant for half a second each; the
-            recorded actions stay those of the controller. Learners so see how it returns from its errors.
+        noise: standard deviation of the noise in the executed actions, which is constant for half a second each; the
+            recorded actions have none. So learners observe how the controller corrects errors.
 
     Returns:
         The episodes.
 
     Raises:
         ValueError: there is noise, and the actions are not numbers in a box.
-        TypeError: a wrapper changes the actions that is not `DiscreteActions`, or the controller is not an object.
+        TypeError: a wrapper of actions is not `DiscreteActions`, or the controller is not an object.
         ControllerError: the controller requests an image.
 
     Source: noise in demonstrations: M. Laskey et al., CoRL 2017 (DART).
@@ -69,7 +71,7 @@ def demonstrate(
         raise ControllerError(f"{type(controller).__name__} requests a camera image, which demonstrations do not draw")
     if noise and not isinstance(env.action_space, gymnasium.spaces.Box):
         raise ValueError(f"noise is added to actions in a Box only, got {env.action_space}")
-    found, pipeline = [], Pipeline(env)
+    demonstrations, pipeline = [], Pipeline(env)
     for k in range(episodes):
         observation, info = env.reset(seed=seed if k == 0 else None)
         controller.reset(pipeline.base.scene)
@@ -83,7 +85,7 @@ def demonstrate(
             answer = controller.act(pipeline.base.snapshot)
             if isinstance(answer, (Stop, Regenerate)):
                 break
-            action = nearest_action(env, pipeline, answer)
+            action = _nearest_action(env, pipeline, answer)
             executed_action = action
             if noise:
                 if len(actions) % interval == 0:
@@ -96,21 +98,54 @@ def demonstrate(
             observations.append(observation)
             actions.append(action)
             rewards.append(float(reward))
-        found.append(
+        demonstrations.append(
             Demonstration(observations, np.array(actions), np.array(rewards), terminated, truncated, dict(info))
         )
-    return found
+    return demonstrations
 
 
-def nearest_action(env: Env, pipeline: Pipeline, twist: Twist) -> Any:
+def _nearest_action(env: Env, pipeline: Pipeline, twist: Twist) -> Any:
     """The action of an environment that is nearest to a command."""
     action = pipeline.base.action_of(twist)
     for wrapper in wrappers_of(env):
         if isinstance(wrapper, DiscreteActions):
             return wrapper.nearest(action)
         if isinstance(wrapper, gymnasium.ActionWrapper):
-            raise TypeError(f"the action that {type(wrapper).__name__} turns into a command is not known")
+            raise TypeError(f"{type(wrapper).__name__} cannot be inverted: the action for a command is not known")
     return action
+
+
+class EnvSamples:
+    """Makes the observation and the action of each frame of an episode, for `Dataset.stream`.
+
+    The observation is an observation of the environment and its wrappers, such as `Flat`; the action is the one that is
+    nearest to the recorded command.
+
+    Args:
+        env: `SocialNavEnv`, in wrappers or not, with the scenario of the data set; its episodes are not run.
+
+    Raises:
+        TypeError: the environment is not one of sonata2d, or a wrapper of another package is stateful.
+
+    Example:
+        >>> import gymnasium
+        >>> import sonata2d as s2
+        >>> from sonata2d.gym import EnvSamples, Flat
+        >>> env = Flat(gymnasium.make("sonata2d/SocialNav-v0"))
+        >>> observation, action = next(iter(s2.Dataset("demo").stream(EnvSamples(env))))
+        >>> action.shape
+        (3,)
+    """
+
+    def __init__(self, env: Env) -> None:
+        self._env, self._pipeline = env, Pipeline(env)
+
+    def __call__(self, record: EpisodeRecord) -> Iterator[tuple[Any, Any]]:
+        """The observation and the action of each frame, in order."""
+        self._pipeline.begin()
+        for tick in range(len(record)):
+            twist = Twist(*record.command[tick].tolist())
+            yield self._pipeline.observe(record.snapshot(tick)), _nearest_action(self._env, self._pipeline, twist)
 
 
 def save_minari(name: str, demonstrations: list[Demonstration], env: Env, **about: Any) -> Any:
@@ -118,7 +153,7 @@ def save_minari(name: str, demonstrations: list[Demonstration], env: Env, **abou
 
     Args:
         name: of the data set, e.g. `sonata2d/lively/expert-v0`.
-        demonstrations: of the environment; those without a step are left out.
+        demonstrations: of the environment; demonstrations without a step are left out.
         env: in which they were recorded; if `gymnasium.make` made it with plain data as arguments, then
             `MinariDataset.recover_environment` makes it again.
         about: further arguments of `minari.create_dataset_from_buffers`, e.g. `author`, `description`.
@@ -128,7 +163,7 @@ def save_minari(name: str, demonstrations: list[Demonstration], env: Env, **abou
 
     Raises:
         ModuleNotFoundError: Minari or h5py is not installed.
-        ValueError: there is no step, or the observations are not those of the environment.
+        ValueError: there is no step, or the environment has other observations.
     """
     try:
         import minari
@@ -142,26 +177,19 @@ def save_minari(name: str, demonstrations: list[Demonstration], env: Env, **abou
     if not demonstrations:
         raise ValueError("the demonstrations have no step, so there is nothing to save")
     if not env.observation_space.contains(demonstrations[0].observations[0]):
-        raise ValueError("the demonstrations have other observations than the environment; give that of `demonstrate`")
+        raise ValueError(
+            "the demonstrations have other observations than the environment; give the one of `demonstrate`"
+        )
     for k, one in enumerate(demonstrations):
         count = len(one.actions)
         terminations, truncations = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
         terminations[-1], truncations[-1] = one.terminated, one.truncated or not one.terminated
-        observations: Any = one.observations
-        if isinstance(observations[0], dict):
-            observations = {key: np.stack([each[key] for each in observations]) for key in observations[0]}
-        else:
-            observations = np.stack(observations)
         buffers.append(
             EpisodeBuffer(
-                id=k,
-                observations=observations,
-                actions=one.actions,
-                rewards=list(one.rewards),
-                terminations=list(terminations),
-                truncations=list(truncations),
+                id=k, observations=stacked(env.observation_space, one.observations), actions=one.actions,
+                rewards=list(one.rewards), terminations=list(terminations), truncations=list(truncations),
             )
-        )
+        )  # fmt: skip
     known = {"env": env} if _can_be_made(env) else {}
     return minari.create_dataset_from_buffers(
         name, buffers, observation_space=env.observation_space, action_space=env.action_space, **(known | about)

@@ -19,9 +19,8 @@ from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..core.wording import shown
 from ..errors import SceneError
-from ..metrics.catalogue import select_metrics
+from ..metrics.catalogue import NEEDING_RERUN, select_metrics
 from ..metrics.definition import Metric
-from ..metrics.disturbance import NEEDING_RERUN
 from ..metrics.measurement import measure
 from ..record.reader import record_from_document
 from ..record.recorder import EpisodeRecorder
@@ -29,12 +28,13 @@ from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.load import scenario_of
 from ..sim.episode import Episode
-from .observation import Encoder, Observation, Order, Sizes
+from .observation import Encoder, Order, Sizes
+from .parts import Observation
 from .recording import FolderRecorder, recording_folder
 from .rewards import Reward, checked_reward, reward_of
 from .state import MAX_SEED, EnvState, checked_state
 
-RenderMode = Literal["human", "rgb_array", "rgb_array_list"]
+_RenderMode = Literal["human", "rgb_array", "rgb_array_list"]
 _LAYOUTS = 100  # episodes that `reset` tries if their scenes have no layout
 _DEFAULT_SIZE, _MAXIMUM_SIDE = (640, 640), 8192  # px
 _EXAMPLES = {"settings": {"wandering": 3}, "sizes": {"humans": 5}}
@@ -52,8 +52,8 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
     **End**: `terminated` at the goal, and at a contact if `rules.ends_on` of the scenario contains it; `truncated` at
     `rules.time_limit`. The last `info` has `outcome`, `reason` and `is_success`.
 
-    **Seeds**: after `reset(seed=s)` the episodes are those of a data set with the seed s, the first one first: their
-    scenes are equal. `reset(options={"episode": k})` starts with another one.
+    **Seeds**: after `reset(seed=s)` the scenes are the scenes of a data set with the seed s, in order.
+    `reset(options={"episode": k})` starts with its k-th scene.
 
     Args:
         scenario: name of a preset, path of a scenario file, or settings.
@@ -64,6 +64,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         sizes: numbers of rows of the observation by name (`humans`, `objects`, `walls`, `interactions`), instead of the
             largest numbers of the scenario.
         order: of the rows: `nearest` first, or as in the `scene`, in which an entity keeps its row.
+        parts: names of further parts of the observation; see `sonata2d.gym.ObservationPart`.
         metrics: names of metrics of `sonata2d.metrics` that the last `info` contains; True: all but those that need a
             second run of the episode, without a robot.
         record: folder in which every episode is recorded when it ends; existing files stay.
@@ -102,15 +103,17 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         reward: str | Reward = "distance",
         sizes: Mapping[str, int] | None = None,
         order: Order = "nearest",
+        parts: Iterable[str] = (),
         metrics: Iterable[str] | str | bool = False,
         record: str | Path | None = None,
-        render_mode: RenderMode | None = None,
+        render_mode: _RenderMode | None = None,
         render_size: tuple[int, int] = _DEFAULT_SIZE,
         view: Literal["top", "follow"] = "top",
     ) -> None:
+        parts = (parts,) if isinstance(parts, str) else tuple(parts)
         EzPickle.__init__(
-            self, scenario, settings=settings, reward=reward, sizes=sizes, order=order, metrics=metrics, record=record,
-            render_mode=render_mode, render_size=render_size, view=view,
+            self, scenario, settings=settings, reward=reward, sizes=sizes, order=order, parts=parts, metrics=metrics,
+            record=record, render_mode=render_mode, render_size=render_size, view=view,
         )  # fmt: skip
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             modes = ", ".join(self.metadata["render_modes"])
@@ -127,7 +130,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         self.config = config.changed(**settings) if settings else config
         self.metadata = {**self.metadata, "render_fps": max(round(1.0 / self.config.rules.dt), 1)}
         self.entities = Sizes.of(self.config)
-        self.encoder = Encoder(self.entities.changed(dict(sizes or {})), order)
+        self.encoder = Encoder(self.entities.changed(dict(sizes or {})), order, parts)
         self.observation_space: spaces.Space[Any] = self.encoder.space
         axes = 3 if self.config.robot.kinematics == "holonomic" else 2
         self.action_space = spaces.Box(np.float32(-1.0), np.float32(1.0), (axes,), np.float32)
@@ -159,20 +162,14 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         """The scene of the present episode."""
         return self.snapshot.scene
 
-    @property
-    def episode_id(self) -> tuple[int, int]:
-        """Seed and number of the present episode."""
-        scene = self.snapshot.scene
-        return scene.seed, scene.episode
-
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin the next episode.
 
         Args:
-            seed: of a data set; the episode is its first one. None: the next episode of the present seed, or the first
-                one of a random seed if no seed was given before.
+            seed: of a data set, whose first episode begins. None: the next episode of the present seed, or the first
+                episode of a random seed if no seed was given before.
             options: `{"episode": k}` selects the k-th episode of the seed instead. `{"state": ...}` returns to a state,
                 see `set_state`; in wrappers with a memory, use `sonata2d.gym.restore`.
 
@@ -180,7 +177,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
             Observation and info, which has `seed` and `episode_number`.
 
         Raises:
-            ValueError: an option is unknown, a number is not one that files hold, or a state does not fit.
+            ValueError: an option is unknown, a number is out of range, or a state does not fit.
             SceneError: a hundred scenes in a row have no layout.
         """
         options = options or {}
@@ -188,7 +185,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
             raise ValueError(f"reset knows the options 'episode' and 'state', got {unknown[0]!r}")
         if "state" in options:
             if seed is not None or "episode" in options:
-                raise ValueError("a state has a seed and an episode; reset takes no others beside it")
+                raise ValueError("a state contains seed and episode; give reset either a state, or these")
             observation = self.set_state(options["state"], options.get("watch"))
             return observation, {"seed": self._seed, "episode_number": self._number}
         number = options.get("episode")
@@ -211,7 +208,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
                     raise
                 self._number += 1
         self._start(scene)
-        self._show_first()
+        self._draw(is_first=True)
         return self.encoder.encode(self.snapshot), {"seed": self._seed, "episode_number": self._number}
 
     def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
@@ -238,14 +235,13 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
             info = {"outcome": outcome.status, "reason": outcome.reason, "is_success": outcome.status == "goal"}
             if self._metrics:
                 info["metrics"] = self._measure()
-        if self.render_mode is not None:
-            self._render_step()
+        self._draw()
         status = None if outcome is None else outcome.status
         return self.encoder.encode(after), reward, status in ("goal", "contact"), status == "timeout", info
 
     def twist_of(self, action: NDArray[np.floating[Any]]) -> Twist:
         """The command of an action."""
-        # The limits are those of the environment, not of a scene in which a policy drives: the policy knows these.
+        # A policy was trained with the limits of the environment, and drives with them in scenes with other limits too.
         limits, axes = self.config.robot.limits, self.action_space.shape
         if np.shape(action) != axes:
             raise ValueError(f"an action has the shape {axes}, got {shown(action)} of the shape {np.shape(action)}")
@@ -280,27 +276,27 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         return state.model_dump()
 
     def set_state(self, state: Mapping[str, Any], watch: Callable[[Observation], object] | None = None) -> Observation:
-        """Return to a state; everything after it is as if it had never been left, bit for bit.
+        """Return to a state; the following steps give the same bits as they would have given then.
 
-        The present episode is left without a recording: that of the restored one contains what they have in common.
-        An environment in wrappers of observations is restored by `sonata2d.gym.restore`.
+        The present episode is not recorded; the recording of the restored episode contains their common commands.
+        `sonata2d.gym.restore` restores an environment in wrappers of observations.
 
         Args:
             state: of `get_state`, of an environment with the same scenario.
-            watch: is called with each observation of the episode before the last one.
+            watch: called with each observation of the episode before the last one.
 
         Returns:
             The observation.
 
         Raises:
-            ValueError: it is not a state of this version, or one of another scenario.
+            ValueError: it is not a state of this version, or belongs to another scenario.
         """
         checked = checked_state(state, self.config)
         scene = self._generate(checked.seed, checked.episode)
         self.abandon()
         self._seed, self._number = checked.seed, checked.episode
         self.np_random.bit_generator.state = json.loads(checked.np_random)
-        self._start(scene, is_recorded=not checked.is_over)  # what is over was recorded when it ended
+        self._start(scene, is_recorded=not checked.is_over)  # an episode that is over was recorded when it ended
         episode = self._episode
         assert episode is not None
         for command in checked.commands:
@@ -308,7 +304,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
                 watch(self.encoder.encode(self.snapshot))
             episode.apply(Twist(*command))
             self._current = episode.observe()
-        self._show_first()
+        self._draw(is_first=True)
         return self.encoder.encode(self.snapshot)
 
     def observe(self, snapshot: Snapshot) -> Observation:
@@ -319,7 +315,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         return self.encoder.encode(snapshot)
 
     def render(self) -> Any:
-        """The picture that the render mode asks for.
+        """Draw the present state.
 
         Returns:
             `rgb_array`: (height, width, 3) of uint8; `rgb_array_list`: the pictures since the last call; else None.
@@ -327,10 +323,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         if self.render_mode is None:
             gymnasium.logger.warn("render() was called without a render_mode; give one to gymnasium.make")
             return None
-        renderer = self._get_renderer()
-        if self.render_mode == "rgb_array_list":
-            return renderer.take()
-        return renderer.show(self.snapshot) if self.render_mode == "human" else renderer.picture(self.snapshot)
+        return self._get_renderer().render(self.snapshot)
 
     def close(self) -> None:
         """Close the window; an episode that was not over is recorded as stopped."""
@@ -362,11 +355,13 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         self._current = self._episode.observe()
         self.encoder.reset(scene)
 
-    def _show_first(self) -> None:
-        """Forget the pictures of the last episode, and show the present state."""
-        if self.render_mode is not None:
-            self._get_renderer().begin()
-            self._render_step()
+    def _draw(self, *, is_first: bool = False) -> None:
+        """Show or keep a picture of the present state, if the render mode asks for one of every step."""
+        if self.render_mode in ("human", "rgb_array_list"):
+            renderer = self._get_renderer()
+            if is_first:
+                renderer.begin()
+            renderer.step(self.snapshot)
 
     def _finish(self, reason: str) -> None:
         """End the present episode if it is not over, so that its recording is kept."""
@@ -381,23 +376,17 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         record = record_from_document(orjson.loads(self._recorder.document()), Path("episode.json"))
         return measure(record, self._metrics, rerun=False)
 
-    def _render_step(self) -> None:
-        if self.render_mode == "human":
-            self.render()
-        elif self.render_mode == "rgb_array_list":
-            self._get_renderer().keep(self.snapshot)
-
     def _get_renderer(self) -> Any:
         """The renderer; pygame is imported only where something is drawn."""
         if self._renderer is None:
             from .rendering import Renderer
 
-            self._renderer = Renderer(self._render_size, self._view, self.config.rules.dt)
+            self._renderer = Renderer(self.render_mode, self._render_size, self._view, self.config.rules.dt)
         return self._renderer
 
 
 def _metrics_of(chosen: Iterable[str] | str | bool) -> tuple[Metric, ...]:
-    """The metrics of the argument `metrics`; of a group such as `all`, those that need no second run.
+    """The metrics of the argument `metrics`; a group such as `all` stands for its metrics that need no second run.
 
     Raises:
         TypeError: it is not a name, several names or a bool.

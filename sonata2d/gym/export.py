@@ -20,6 +20,7 @@ from .mlp import Mlp, write_mlp
 from .policy import METADATA_KEY, Model, TorchPolicy, is_torch_module, normalisation_of
 
 Env = gymnasium.Env[Any, Any]
+_Layers = tuple[list[Any], dict[str, Any]]
 _EPISODES, _STEPS, _TOLERANCE = 4, 50, 0.02  # of the comparison of a file with its model
 
 
@@ -36,18 +37,18 @@ def save_policy(path: str | Path, model: Any, env: Env, *, normalisation: Any = 
             followed by tanh.
         env: in which it was trained, with its wrappers.
         normalisation: of the observations: the `VecNormalize` of the training, or the path of the file to which it was
-            saved; False: none. None: that around the environment of the model, if any; a model that was loaded from a
-            file has none, and a warning says so. Of a PyTorch module: mean and standard deviation, (n,) each.
+            saved; False: none. None: the `VecNormalize` of the model's environment, if any; a model that was loaded
+            from a file has none, and a warning says so. For a PyTorch module: mean and standard deviation, (n,) each.
         note: how the policy was trained, for human readers.
 
     Raises:
         ControllerError: the file of the normalisation cannot be read.
-        ValueError: the path has another suffix, the environment is not that of the model, or the policy cannot be
-            written as such a file, or not without other actions in some episodes of the environment.
+        ValueError: the path has another suffix, the environment has other spaces than the model, such a file cannot
+            hold the policy, or a .npz file would act otherwise than the model in some episodes of the environment.
         TypeError: it is neither a model of Stable-Baselines3 nor a PyTorch module, or a wrapper of observations or
             actions is not one of `sonata2d.gym`.
     """
-    is_module = is_torch_module(model)
+    is_module, is_discrete = is_torch_module(model), isinstance(env.action_space, gymnasium.spaces.Discrete)
     if not is_module and not (hasattr(model, "policy") and hasattr(model, "get_vec_normalize_env")):
         raise TypeError(
             "save_policy needs a model of Stable-Baselines3, such as PPO or SAC, or a PyTorch module, got "
@@ -55,101 +56,94 @@ def save_policy(path: str | Path, model: Any, env: Env, *, normalisation: Any = 
         )
     path, environment = Path(path), describe(env)
     if is_module:
-        _save_module(path, model, env, environment, normalisation, note)
-        return
-    for name in ("observation_space", "action_space"):
-        if getattr(model, name) != getattr(env, name):
-            raise ValueError(f"the model has another {name} than the environment; give the one in which it was trained")
-    if path.suffix not in (".npz", ".onnx"):
-        raise ValueError(f"the name of a policy ends in .npz or .onnx, got {path}")
-    normalisation = normalisation_of(model, normalisation)
-    if not all(parameter.isfinite().all() for parameter in model.policy.parameters()):
+        if path.suffix != ".npz":
+            raise ValueError(f"a PyTorch module is written as .npz, got {path}; for .onnx use torch.onnx.export")
+    else:
+        for name in ("observation_space", "action_space"):
+            if getattr(model, name) != getattr(env, name):
+                raise ValueError(
+                    f"the model has another {name} than the environment; give the one in which it was trained"
+                )
+        if path.suffix not in (".npz", ".onnx"):
+            raise ValueError(f"the name of a policy ends in .npz or .onnx, got {path}")
+        normalisation = normalisation_of(model, normalisation)
+    if not all(parameter.isfinite().all() for parameter in (model if is_module else model.policy).parameters()):
         raise ValueError("a weight of the policy is not finite: the training has diverged")
     if path.suffix == ".onnx":
         _write_onnx(path, model, environment, normalisation)
         return
-    mlp = _mlp_of(model, environment, normalisation, note)
-    _require_same_actions(mlp, Model(model, normalisation), environment_of(environment, base_of(env).config))
-    write_mlp(path, mlp)
-
-
-def _save_module(path: Path, module: Any, env: Env, environment: dict[str, Any], normalisation: Any, note: str) -> None:
-    """Write a PyTorch module; see `save_policy`."""
-    from torch import nn
-
-    space, is_discrete = env.observation_space, isinstance(env.action_space, gymnasium.spaces.Discrete)
-    if path.suffix != ".npz":
-        raise ValueError(f"a PyTorch module is written as .npz, got {path}; for .onnx use torch.onnx.export")
-    if not isinstance(space, gymnasium.spaces.Box):
-        raise ValueError("a .npz file holds policies of observations in one array; wrap the environment in Flat")
-    # a copy: the policy drives in evaluation mode, and the training of the module may go on
-    policy = TorchPolicy(copy.deepcopy(module), normalisation, is_discrete=is_discrete)
-    if not all(parameter.isfinite().all() for parameter in module.parameters()):
-        raise ValueError("a weight of the policy is not finite: the training has diverged")
-    modules = _layers(module)
-    output = "argmax" if is_discrete else "clip"
-    if modules and isinstance(modules[-1], nn.Tanh) and not is_discrete:
-        output = "tanh"
-        modules.pop()
-    is_alternating = all(isinstance(layer, nn.Linear) == (k % 2 == 0) for k, layer in enumerate(modules))
-    kinds = {type(layer) for layer in modules[1::2]}
-    if len(modules) % 2 == 0 or not is_alternating or len(kinds) > 1 or not kinds <= {nn.Tanh, nn.ReLU}:
-        names = ", ".join(type(layer).__name__ for layer in modules) or "nothing"
+    if not isinstance(env.observation_space, gymnasium.spaces.Box):
         raise ValueError(
-            "a .npz file holds a torch.nn.Sequential of linear layers with tanh, or with ReLU, between them, got "
-            f"{names}; PolicyController(module, env) drives with any module"
+            "a .npz file holds policies of observations in one array; wrap the environment in Flat, or write .onnx"
         )
-    width = int(np.prod(space.shape))
-    mean, scale = np.broadcast_to(policy.mean, width), np.broadcast_to(1.0 / policy.deviation, width)
-    mlp = _perceptron(modules, environment, output=output, mean=mean, scale=scale, limit=LARGEST_VALUE, note=note)
+    policy: TorchPolicy | Model
+    if is_module:
+        # A copy: the policy drives in evaluation mode, and the training of the module may go on.
+        policy = TorchPolicy(copy.deepcopy(model), normalisation, is_discrete=is_discrete)
+        layers = _layers_of_module(model, policy, int(np.prod(env.observation_space.shape)), is_discrete=is_discrete)
+    else:
+        policy, layers = Model(model, normalisation), _layers_of_model(model, normalisation, is_discrete=is_discrete)
+    modules, settings = layers
+    mlp = _perceptron(modules, environment=environment, note=note, **settings)
     _require_same_actions(mlp, policy, environment_of(environment, base_of(env).config))
     write_mlp(path, mlp)
 
 
-def _layers(module: Any) -> list[Any]:
-    """The modules of a `torch.nn.Sequential` in the order in which they run, those of nested ones included."""
+def _layers_of_module(module: Any, policy: TorchPolicy, width: int, *, is_discrete: bool) -> _Layers:
+    """The layers of a PyTorch module for observations of a width, and other arguments of `Mlp`."""
     from torch import nn
 
-    return [layer for part in module for layer in _layers(part)] if isinstance(module, nn.Sequential) else [module]
+    modules, output = _sequence(module), "argmax" if is_discrete else "clip"
+    if modules and isinstance(modules[-1], nn.Tanh) and not is_discrete:
+        output = "tanh"
+        modules.pop()
+    mean, scale = np.broadcast_to(policy.mean, width), np.broadcast_to(1.0 / policy.deviation, width)
+    return modules, {"output": output, "mean": mean, "scale": scale}
+
+
+def _sequence(module: Any) -> list[Any]:
+    """The modules of a `torch.nn.Sequential` in the order in which they run; nested ones are flattened."""
+    from torch import nn
+
+    return [layer for part in module for layer in _sequence(part)] if isinstance(module, nn.Sequential) else [module]
 
 
 def _require_same_actions(mlp: Mlp, model: Model | TorchPolicy, env: Env) -> None:
     """Require that a perceptron acts as the model does, in episodes that the model drives.
 
     Raises:
-        ValueError: it does not, because its numbers are rounded, and clipped.
+        ValueError: the actions differ, because the numbers of a perceptron are rounded and clipped.
     """
     is_discrete, differences = mlp.output == "argmax", []
     for seed in range(_EPISODES):
         model.begin()
         observation, _ = env.reset(seed=seed)
         for _ in range(_STEPS):
-            action, own = model(observation), mlp(observation)
-            differences.append(float(own != action) if is_discrete else float(np.abs(own - action).max()))
+            action, rounded = model(observation), mlp(observation)
+            differences.append(float(rounded != action) if is_discrete else float(np.abs(rounded - action).max()))
             observation, _, terminated, truncated, _ = env.step(action)
             if terminated or truncated:
                 break
     env.close()
     difference = float(np.mean(differences) if is_discrete else np.max(differences))
     if difference > _TOLERANCE:
-        what = f"in {100.0 * difference:.0f} % of the steps" if is_discrete else f"by up to {difference:.2g}"
+        extent = f"in {100.0 * difference:.0f} % of the steps" if is_discrete else f"by up to {difference:.2g}"
         raise ValueError(
-            f"a .npz file would act otherwise than the model, {what}: it clips numbers beyond ±{LARGEST_VALUE:g} "
+            f"a .npz file would act otherwise than the model, {extent}: it clips numbers beyond ±{LARGEST_VALUE:g} "
             "within the network; write .onnx"
         )
 
 
-def _mlp_of(model: Any, environment: dict[str, Any], normalisation: Any, note: str) -> Mlp:
-    """The perceptron of a model.
+def _layers_of_model(model: Any, normalisation: Any, *, is_discrete: bool) -> _Layers:
+    """The layers of a model of Stable-Baselines3, and other arguments of `Mlp`.
 
     Raises:
-        ValueError: it is not one, or not of the kind that such a file holds.
+        ValueError: it is not a perceptron.
     """
     from stable_baselines3.common.torch_layers import FlattenExtractor
     from torch import nn
 
-    policy, space = model.policy, model.observation_space
-    is_discrete = isinstance(model.action_space, gymnasium.spaces.Discrete)
+    policy = model.policy
     if hasattr(policy, "mlp_extractor"):  # PPO, A2C
         layers = [*policy.mlp_extractor.policy_net, policy.action_net]
         extractor = policy.pi_features_extractor
@@ -162,24 +156,17 @@ def _mlp_of(model: Any, environment: dict[str, Any], normalisation: Any, note: s
         layers, extractor, output = list(policy.q_net.q_net), policy.q_net.features_extractor, "argmax"
     else:
         raise ValueError(f"{type(policy).__name__} is not a perceptron; write it as .onnx")
-    if not isinstance(space, gymnasium.spaces.Box):
-        raise ValueError(
-            "a .npz file holds policies of observations in one array; wrap the environment in Flat, or write .onnx"
-        )
     if type(extractor) is not FlattenExtractor:
         raise ValueError(f"a .npz file holds no {type(extractor).__name__}; write .onnx")
-    modules = [part for layer in layers for part in (layer if isinstance(layer, nn.Sequential) else [layer])]
-    output_limit = LARGEST_VALUE
+    modules = [module for layer in layers for module in _sequence(layer)]
+    mean, scale, limit = _normalisation(normalisation, model.observation_space.shape)
+    settings = {"output": output, "mean": mean.ravel(), "scale": scale.ravel(), "limit": limit}
     if isinstance(modules[-1], nn.Hardtanh):  # of SAC with noise that depends on the state
-        output_limit = float(modules.pop().max_val)
-    mean, scale, limit = _normalisation(normalisation, space.shape)
-    return _perceptron(
-        modules, environment, output=output, mean=mean.ravel(), scale=scale.ravel(), limit=limit,
-        output_limit=output_limit, note=note,
-    )  # fmt: skip
+        settings["output_limit"] = float(modules.pop().max_val)
+    return modules, settings
 
 
-def _perceptron(modules: list[Any], environment: dict[str, Any], **settings: Any) -> Mlp:
+def _perceptron(modules: list[Any], **settings: Any) -> Mlp:
     """The perceptron of linear layers and activations.
 
     Raises:
@@ -187,24 +174,21 @@ def _perceptron(modules: list[Any], environment: dict[str, Any], **settings: Any
     """
     from torch import nn
 
-    linear = [module for module in modules if isinstance(module, nn.Linear)]
-    activations = {type(module) for module in modules if not isinstance(module, nn.Linear)}
-    if (
-        not modules
-        or not isinstance(modules[-1], nn.Linear)
-        or len(activations) > 1
-        or not activations <= {nn.Tanh, nn.ReLU}
-    ):
-        names = ", ".join(sorted(one.__name__ for one in activations))
-        raise ValueError(f"a .npz file holds hidden layers with tanh or ReLU, got {names}; write .onnx")
+    linear, kinds = modules[::2], {type(module) for module in modules[1::2]}
+    is_alternating = len(modules) % 2 == 1 and all(isinstance(module, nn.Linear) for module in linear)
+    if not is_alternating or len(kinds) > 1 or not kinds <= {nn.Tanh, nn.ReLU}:
+        names = ", ".join(type(module).__name__ for module in modules) or "nothing"
+        raise ValueError(
+            f"a .npz file holds linear layers with tanh, or with ReLU, between them, got {names}; write .onnx, or "
+            "drive with PolicyController(model, env)"
+        )
     largest = max(float(layer.weight.detach().abs().max()) for layer in linear)
     if largest > LARGEST_WEIGHT:
         raise ValueError(f"a .npz file holds weights within ±{LARGEST_WEIGHT:g}, got {largest:g}; write .onnx")
     return Mlp(
         weights=[layer.weight.detach().cpu().numpy().T.astype(float) for layer in linear],
         biases=[layer.bias.detach().cpu().numpy().astype(float) for layer in linear],
-        activation="relu" if activations == {nn.ReLU} else "tanh",
-        environment=environment,
+        activation="relu" if kinds == {nn.ReLU} else "tanh",
         **settings,
     )
 

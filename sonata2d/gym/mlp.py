@@ -21,8 +21,8 @@ from ..errors import ControllerError, RecordError
 from ..learning.fixed_point import LARGEST_VALUE, UNIT, product, round_weights
 from ..record.files import read_bytes
 
-ACTIVATIONS, OUTPUTS = ("tanh", "relu"), ("clip", "tanh", "argmax")
-KIND = "mlp"
+_ACTIVATIONS, _OUTPUTS = ("tanh", "relu"), ("clip", "tanh", "argmax")
+_KIND = "mlp"
 _HEADER = "about"
 
 
@@ -30,19 +30,19 @@ _HEADER = "about"
 class Mlp:
     """A multilayer perceptron from a flat observation to an action.
 
-    Values are rounded to multiples of 2^-14 within ±64, weights to multiples of 2^-13 within ±32; actions therefore
-    differ a little from those of a network without rounding.
+    Values are rounded to multiples of 2^-14 within ±64, weights to multiples of 2^-13 within ±32; the actions therefore
+    differ a little from the actions of a network without rounding.
 
     Attributes:
         weights: of each layer, (in, out).
         biases: of each layer, (out,).
         activation: of the hidden layers.
-        output: what the last layer's numbers become: `clip`: an action in [-1, 1]; `tanh`: their hyperbolic tangent;
-            `argmax`: the index of the largest.
+        output: the action from the numbers of the last layer: `clip`: the numbers within [-1, 1]; `tanh`: their
+            hyperbolic tangents; `argmax`: the index of the largest.
         environment: see `description.describe`.
         mean, scale: (in,); the input is (observation - mean) * scale, within ±`limit`.
         limit: of the input.
-        output_limit: of the last layer's numbers, before their tangents are taken.
+        output_limit: of the numbers of the last layer, before `tanh`.
         note: how it was made, for human readers.
     """
 
@@ -58,9 +58,9 @@ class Mlp:
     note: str = ""
 
     def __post_init__(self) -> None:
-        if self.activation not in ACTIVATIONS or self.output not in OUTPUTS:
+        if self.activation not in _ACTIVATIONS or self.output not in _OUTPUTS:
             raise ValueError(
-                f"the activation is one of {', '.join(ACTIVATIONS)} and the output one of {', '.join(OUTPUTS)}, got "
+                f"the activation is one of {', '.join(_ACTIVATIONS)} and the output one of {', '.join(_OUTPUTS)}, got "
                 f"{self.activation!r} and {self.output!r}"
             )
         if not self.weights or len(self.weights) != len(self.biases):
@@ -96,7 +96,7 @@ class Mlp:
         for k, (weight, bias) in enumerate(zip(rounded, self.biases, strict=True)):
             h = product(h[None], weight)[0] + bias
             if k == last and self.output == "argmax":
-                return int(np.argmax(h))  # before the limits, which may make values equal
+                return int(np.argmax(h))  # before clipping, which may make values equal
             if k < last:
                 h = _tanh(h) if self.activation == "tanh" else np.maximum(h, 0.0)
             h = _rounded(h)
@@ -129,7 +129,7 @@ def write_mlp(path: str | Path, mlp: Mlp) -> None:
     if path.suffix != ".npz":
         raise ValueError(f"the name of the file must end in .npz, got {path}")
     about = {
-        "kind": KIND, "activation": mlp.activation, "output": mlp.output, "environment": dict(mlp.environment),
+        "kind": _KIND, "activation": mlp.activation, "output": mlp.output, "environment": dict(mlp.environment),
         "limit": mlp.limit, "output_limit": mlp.output_limit, "layers": len(mlp.weights), "note": mlp.note,
     }  # fmt: skip
     arrays: dict[str, NDArray[Any]] = {"mean": mlp.mean, "scale": mlp.scale}
@@ -147,7 +147,7 @@ def read_mlp(path: Path) -> Mlp:
     try:
         arrays = read_npz(read_bytes(path, max_bytes=MAX_WEIGHTS_BYTES), MAX_WEIGHTS_BYTES)
         about = json.loads(str(arrays.pop(_HEADER)))
-        if about["kind"] != KIND:
+        if about["kind"] != _KIND:
             raise ValueError(f"its kind is {about['kind']!r}")
         layers = range(about["layers"])
         return Mlp(

@@ -1,4 +1,4 @@
-"""What wrappers do to observations and actions, apart from an environment's own steps."""
+"""The observations and actions of a wrapped environment without its steps."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gymnasium.wrappers import TimeLimit
 from ..core.geometry import Twist
 from ..core.snapshot import Snapshot
 from .env import base_of, wrappers_of
-from .observation import Observation
+from .parts import Observation
 from .wrappers import EpisodeWrapper, has_memory
 
 Env = gymnasium.Env[Any, Any]
@@ -22,11 +22,10 @@ class Pipeline:
 
     Args:
         env: `SocialNavEnv` in any number of wrappers. Wrappers of observations and of actions are applied; others, such
-            as those of rewards and time limits, do not change either.
+            as wrappers of rewards and time limits, change neither.
 
     Raises:
-        TypeError: the environment is not one of sonata2d, or a wrapper changes observations or actions otherwise than
-            by a function of the present ones, in a `gymnasium.ObservationWrapper` or `ActionWrapper`.
+        TypeError: the environment is not one of sonata2d, or a wrapper of another package is stateful.
     """
 
     def __init__(self, env: Env) -> None:
@@ -35,9 +34,8 @@ class Pipeline:
         for wrapper in self._wrappers:
             if has_memory(wrapper):
                 raise TypeError(
-                    f"what {type(wrapper).__name__} does to observations or actions cannot be repeated, because it "
-                    "depends on more than the present ones; use those of sonata2d.gym, such as History, or a "
-                    "gymnasium.ObservationWrapper or ActionWrapper without a memory"
+                    f"the wrapper {type(wrapper).__name__} cannot be repeated, because it is stateful; use wrappers of "
+                    "sonata2d.gym, such as History, or a gymnasium.ObservationWrapper or ActionWrapper without a state"
                 )
 
     def begin(self) -> None:
@@ -47,7 +45,7 @@ class Pipeline:
                 wrapper.begin()
 
     def observation(self, observation: Observation) -> Any:
-        """What the wrappers make of an observation of the base environment."""
+        """Apply the wrappers to an observation of the base environment."""
         result: Any = observation
         for wrapper in self._wrappers:
             if isinstance(wrapper, gymnasium.ObservationWrapper):
@@ -67,19 +65,19 @@ class Pipeline:
 
 
 def restore(env: Env, state: Mapping[str, Any]) -> Any:
-    """Return to a state of `SocialNavEnv.get_state`, in which the wrappers are as they were then.
+    """Return to a state of `SocialNavEnv.get_state`; the wrappers return to their state at that time.
 
     Args:
-        env: in wrappers or not. Those of sonata2d and time limits go back; statistics of episodes and of rewards do
-            not.
+        env: in wrappers or not. Wrappers of sonata2d and time limits are restored; statistics of episodes and of
+            rewards are not.
         state: `env.unwrapped.get_state()` of an environment with the same scenario.
 
     Returns:
         The observation of the wrapped environment.
 
     Raises:
-        ValueError: it is not a state of this version, or one of another scenario.
-        TypeError: a wrapper of observations or actions has a memory and is not one of sonata2d.
+        ValueError: it is not a state of this version, or belongs to another scenario.
+        TypeError: a wrapper of another package is stateful.
     """
     pipeline = Pipeline(env)
     observation, _ = env.reset(options={"state": state, "watch": pipeline.observation})

@@ -21,8 +21,7 @@ from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..core.wording import described, one_line, shown
 from ..errors import ControllerError
-from .description import describe, environment_of
-from .env import base_of
+from .description import describe, environment_of, require_parts
 from .mlp import Mlp, read_mlp
 from .pipeline import Pipeline
 
@@ -35,20 +34,20 @@ class PolicyController(LearnedController):
     """Drives with a policy that was trained in the environment.
 
     Args:
-        policy: a file of `save_policy` (.npz or .onnx), a file of Stable-Baselines3 (.zip), an object with a method
-            `predict` such as a model of Stable-Baselines3, a PyTorch module, which is put into
-            evaluation mode, or a function of an observation that returns an action.
+        policy: a file of `save_policy` (.npz or .onnx), a file of Stable-Baselines3 (.zip), an object with a
+            method `predict` such as a model of Stable-Baselines3, a PyTorch module, which is put into evaluation mode,
+            or a function of an observation that returns an action.
         env: in which it was trained, with its wrappers; may be left out for a file of `save_policy`, which contains
             the description. If it has wrappers of observations or actions of other packages, it must not be stepped
             while this controller drives.
         normalisation: of the observations of a model: the `VecNormalize` of the training, or the path of the file to
-            which it was saved; False: none. None: that around the environment of the model, if any; a model that was
-            loaded from a file has none, and a warning says so. A file of `save_policy` contains it. Of a PyTorch
+            which it was saved; False: none. None: the `VecNormalize` of the model's environment, if any; a model that
+            was loaded from a file has none, and a warning says so. A file of `save_policy` contains it. For a PyTorch
             module: mean and standard deviation of the observations.
 
     Raises:
-        ControllerError: a file cannot be read, or the policy was trained with other observations or actions than those
-            of the environment.
+        ControllerError: a file cannot be read, or the policy was trained with other observations or actions, or with
+            other versions of the parts of the observation.
         TypeError: the environment is missing, or not one of sonata2d, or a normalisation is given for a policy that is
             not a model.
 
@@ -71,19 +70,18 @@ class PolicyController(LearnedController):
             policy, description = _load(path)
             self._sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
             self.deterministic = path.suffix == ".npz"  # other files run in libraries whose rounding may differ
-        if env is None:
-            if description is None:
-                raise TypeError("the policy does not say what it observes; give PolicyController(policy, env)")
-            try:
+        try:
+            if env is None:
+                if description is None:
+                    raise TypeError("the policy does not say what it observes; give PolicyController(policy, env)")
                 env = environment_of(description)
-            except ValueError as error:
-                raise ControllerError(f"{self._path} cannot be used: {error}") from error
-        else:
-            base_of(env)
-            with suppress(TypeError):  # of a wrapper of another package
-                description = describe(env)
-                env = environment_of(description)  # so that both can be used at the same time
-        self._entities: Mapping[str, int] = (description or {}).get("entities", {})  # at most in its training
+            else:
+                if description is not None:
+                    require_parts(description, env)
+                with suppress(TypeError):  # of a wrapper of another package
+                    env = environment_of(describe(env))  # so that both can be used at the same time
+        except ValueError as error:
+            raise ControllerError(f"{self._path} cannot be used: {error}") from error
         self._pipeline, self._has_warned = Pipeline(env), False
         is_discrete = isinstance(env.action_space, gymnasium.spaces.Discrete)
         self._predict = _predict_of(policy, normalisation, is_discrete=is_discrete)
@@ -112,8 +110,8 @@ class PolicyController(LearnedController):
         trained = self._pipeline.base.config.robot.kinematics
         if scene.robot.kinematics != trained:
             raise ControllerError(
-                f"the policy was trained with a {trained} robot, that of the scene is {scene.robot.kinematics}; set "
-                "robot.kinematics of the scenario"
+                f"the policy was trained with a {trained} robot, the robot of the scene is {scene.robot.kinematics}; "
+                "set robot.kinematics of the scenario"
             )
         self._warn_of_hidden(scene)
         self._pipeline.begin()
@@ -124,10 +122,10 @@ class PolicyController(LearnedController):
         return self._pipeline.twist(self._predict(self._pipeline.observe(snapshot)))
 
     def _require_spaces(self, env: Env) -> None:
-        """Require that a model or perceptron has the observations and actions of the environment.
+        """Require that a model or perceptron was trained with the observations and actions of the environment.
 
         Raises:
-            ControllerError: it has others.
+            ControllerError: their spaces differ.
         """
         if isinstance(self._predict, Mlp):
             width, numbers = len(self._predict.mean), np.prod(env.observation_space.shape or ())
@@ -139,18 +137,19 @@ class PolicyController(LearnedController):
             return
         model = self._predict.model if isinstance(self._predict, Model) else self._predict
         for name in ("observation_space", "action_space"):
-            trained, own = getattr(model, name, None), getattr(env, name)
-            if trained is not None and _shape_of(trained) != _shape_of(own):
+            trained, present = getattr(model, name, None), getattr(env, name)
+            if trained is not None and _shape_of(trained) != _shape_of(present):
                 raise ControllerError(
                     f"the policy was trained with {name}s of {one_line(_shape_of(trained), 100)}, the environment has "
-                    f"{one_line(_shape_of(own), 100)}; give the environment of the training, with its wrappers"
+                    f"{one_line(_shape_of(present), 100)}; give the environment of the training, with its wrappers"
                 )
 
     def _warn_of_hidden(self, scene: Scene) -> None:
-        """Warn, once, of entities that the policy does not observe, unless that was so in its training as well."""
+        """Warn, once, if the scene has more entities than the policy observes, and than its training scenes had."""
         for name, count in (("humans", len(scene.humans)), ("objects", len(scene.furniture))):
-            rows = getattr(self._pipeline.base.encoder.sizes, name)
-            if count > rows >= self._entities.get(name, rows) and not self._has_warned:
+            base = self._pipeline.base
+            rows, trained = (getattr(sizes, name) for sizes in (base.encoder.sizes, base.entities))
+            if count > rows >= trained and not self._has_warned:
                 self._has_warned = True
                 logging.getLogger(__name__).warning(
                     "the policy observes the nearest %d of the %d %s: the scenes of its training had no more",
@@ -159,7 +158,7 @@ class PolicyController(LearnedController):
 
 
 class Model:
-    """The actions of a model, whose state, if it has any, goes from one to the next.
+    """The actions of a model; a recurrent model keeps its state from one action to the next.
 
     Args:
         model: has the method `predict` of Stable-Baselines3.
@@ -232,8 +231,8 @@ class TorchPolicy:
         flat = np.asarray(observation, dtype=np.float64).ravel()
         if np.ndim(self.mean) and len(self.mean) != len(flat):
             raise ControllerError(
-                f"the normalisation has {len(self.mean)} numbers, the observation {len(flat)}; give those of the "
-                "training"
+                f"the normalisation has {len(self.mean)} numbers, the observation {len(flat)}; give the normalisation "
+                "of the training"
             )
         with torch.no_grad():
             output = (
@@ -243,12 +242,12 @@ class TorchPolicy:
 
 
 def is_torch_module(policy: Any) -> bool:
-    """Whether a policy is a PyTorch module that is no model of its own."""
+    """Whether a policy is a PyTorch module, and not a model with the method `predict`."""
     return hasattr(policy, "state_dict") and hasattr(policy, "forward") and not hasattr(policy, "predict")
 
 
 def _predict_of(policy: Any, normalisation: Any, *, is_discrete: bool) -> Predict:
-    """A function of an observation from whatever policy."""
+    """A function from an observation to an action."""
     if is_torch_module(policy):
         return TorchPolicy(policy, normalisation, is_discrete=is_discrete)
     if hasattr(policy, "predict"):
@@ -267,13 +266,13 @@ def _predict_of(policy: Any, normalisation: Any, *, is_discrete: bool) -> Predic
 
 
 def normalisation_of(model: Any, normalisation: Any) -> Any:
-    """What normalises the observations of a model.
+    """The normalisation of the observations of a model.
 
     Args:
         model: has the method `predict`.
         normalisation: the `VecNormalize` of the training, or the path of the file to which it was saved; False: none.
-            None: that around the environment of the model, if any; a model that was loaded from a file has none, and a
-            warning says so.
+            None: the `VecNormalize` of the model's environment, if any; a model that was loaded from a file has none,
+            and a warning says so.
 
     Returns:
         A `VecNormalize`, or None.
@@ -299,11 +298,11 @@ def normalisation_of(model: Any, normalisation: Any) -> Any:
         )
     if not normalisation.norm_obs:
         return None
-    own, trained = normalisation.observation_space, getattr(model, "observation_space", None)
-    if trained is not None and _shape_of(own) != _shape_of(trained):
+    normalised, trained = normalisation.observation_space, getattr(model, "observation_space", None)
+    if trained is not None and _shape_of(normalised) != _shape_of(trained):
         raise ControllerError(
-            f"the normalisation is one of observations of {one_line(_shape_of(own), 100)}, the policy was trained with "
-            f"{one_line(_shape_of(trained), 100)}"
+            f"the normalisation is for observations of {one_line(_shape_of(normalised), 100)}, the policy was trained "
+            f"with {one_line(_shape_of(trained), 100)}"
         )
     return normalisation
 
@@ -333,7 +332,7 @@ def _load_normalisation(path: Path) -> Any:
 
 
 def _shape_of(space: gymnasium.Space[Any]) -> str:
-    """Kind and shape of a space, in words; without bounds, which differ from one scenario to another."""
+    """Kind and shape of a space, in words; bounds are left out, because they depend on the scenario."""
     if isinstance(space, gymnasium.spaces.Dict):
         return ", ".join(f"{name} {_shape_of(part)}" for name, part in space.items())
     if isinstance(space, gymnasium.spaces.Discrete):

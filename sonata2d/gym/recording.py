@@ -28,7 +28,7 @@ def recording_folder(path: str | Path) -> Path:
 
 
 class FolderRecorder(EpisodeRecorder):
-    """Writes each episode to the next free file of a folder, 000000.json and so on, which other processes may use too.
+    """Recorder of each episode in the next free file of a folder, 000000.json and so on; processes may share it.
 
     Args:
         folder: is created if it is missing.

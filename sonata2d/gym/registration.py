@@ -6,10 +6,6 @@ import gymnasium
 
 from ..scenegen.scenario.load import preset_names
 
-_ENTRY_POINT = "sonata2d.gym.env:SocialNavEnv"
-_VECTOR_ENTRY_POINT = "sonata2d.gym.vector:SocialNavVectorEnv"
-GENERAL = "sonata2d/SocialNav-v0"
-
 
 def _id_of(preset: str) -> str:
     """The id of the environment of a preset.
@@ -20,7 +16,7 @@ def _id_of(preset: str) -> str:
     return f"sonata2d/{''.join(word.capitalize() for word in preset.split('-'))}-v0"
 
 
-ENVIRONMENT_IDS = {GENERAL: "sonata-2020"} | {_id_of(preset): preset for preset in preset_names()}
+ENVIRONMENT_IDS = {"sonata2d/SocialNav-v0": "sonata-2020"} | {_id_of(preset): preset for preset in preset_names()}
 """The preset of each id. `sonata2d/SocialNav-v0` takes any scenario."""
 
 
@@ -30,7 +26,7 @@ def register_environments() -> None:
         if name not in gymnasium.registry:
             gymnasium.register(
                 name,
-                entry_point=_ENTRY_POINT,
-                vector_entry_point=_VECTOR_ENTRY_POINT,
+                entry_point="sonata2d.gym.env:SocialNavEnv",
+                vector_entry_point="sonata2d.gym.vector:SocialNavVectorEnv",
                 kwargs={"scenario": preset},
             )

@@ -21,6 +21,7 @@ class Renderer:
     """Draws snapshots as arrays or in a window.
 
     Args:
+        mode: of the environment.
         size: width and height, px.
         view: `top` or `follow`.
         interval: between two pictures in the window, s.
@@ -28,7 +29,10 @@ class Renderer:
 
     _has_started_display: ClassVar[bool] = False
 
-    def __init__(self, size: tuple[int, int], view: Literal["top", "follow"], interval: float) -> None:
+    def __init__(
+        self, mode: str | None, size: tuple[int, int], view: Literal["top", "follow"], interval: float
+    ) -> None:
+        self._mode = mode
         self._request = ImageRequest(*size, view=view)
         self._pictures: list[Any] = []
         self._window: pygame.Window | None = None
@@ -41,23 +45,26 @@ class Renderer:
         """Begin an episode: forget the pictures of the last one."""
         self._pictures, self._painter = [], None
 
-    def picture(self, snapshot: Snapshot) -> Any:
-        """(height, width, 3) of uint8."""
-        return image_of(snapshot, self._request)
+    def step(self, snapshot: Snapshot) -> None:
+        """Show the snapshot in the window, or keep its picture for `render`."""
+        if self._mode == "human":
+            self._show(snapshot)
+        else:
+            self._pictures.append(image_of(snapshot, self._request))
 
-    def keep(self, snapshot: Snapshot) -> None:
-        """Draw a picture for `take`."""
-        self._pictures.append(self.picture(snapshot))
-
-    def take(self) -> list[Any]:
-        """The pictures kept since the last call."""
+    def render(self, snapshot: Snapshot) -> Any:
+        """See `SocialNavEnv.render`."""
+        if self._mode == "rgb_array":
+            return image_of(snapshot, self._request)
+        if self._mode == "human":
+            return self._show(snapshot)
         pictures, self._pictures = self._pictures, []
         return pictures
 
-    def show(self, snapshot: Snapshot) -> None:
-        """Show a snapshot in the window, at the pace of the simulated time; nothing if it is shown already.
+    def _show(self, snapshot: Snapshot) -> None:
+        """Show a snapshot in the window, at the pace of the simulated time.
 
-        If the user has closed the window, nothing is shown any more.
+        Nothing happens if the snapshot is shown already, or the user has closed the window.
 
         Raises:
             WindowError: there is no display.
@@ -102,7 +109,7 @@ class Renderer:
             del _OPEN[self._window.id]
             self._window.destroy()
             self._window = None
-            # A display that the program has started, or in which it has opened its own window since, is its own.
+            # The program keeps a display that it started itself, or in which it has opened a window.
             if not _OPEN and Renderer._has_started_display and pygame.display.get_surface() is None:
                 Renderer._has_started_display = False
                 pygame.display.quit()
@@ -112,7 +119,7 @@ _OPEN: dict[int, Renderer] = {}  # by the id of their windows; a program may sho
 
 
 def _close_unwanted() -> None:
-    """Close the windows that the user wants closed. This also tells the system that the program does not hang."""
+    """Close the windows whose close button was clicked; reading events also tells the system that the program runs."""
     for event in pygame.event.get(pygame.WINDOWCLOSE):  # other events are left to the program
         renderer = _OPEN.get(event.window.id) if event.window is not None else None
         if renderer is not None:

@@ -18,9 +18,9 @@ from ..registry import did_you_mean
 
 
 class Reward(Protocol):
-    """What a step is worth: a function of the snapshots before and after it, and of the outcome if it ends the episode.
+    """A function of the snapshots before and after a step, and of the outcome if the step ends the episode.
 
-    Goals, contacts and distances are those of the later snapshot; a contact counts in every tick that it lasts.
+    Goals, contacts and distances are read from the later snapshot; a contact counts in every tick that it lasts.
     """
 
     def __call__(self, before: Snapshot, after: Snapshot, outcome: Outcome | None, /) -> float: ...
@@ -188,7 +188,7 @@ def reward_of(value: str | Reward) -> Reward:
 
 
 def checked_reward(value: Any) -> float:
-    """The result of a reward.
+    """Validate the result of a reward.
 
     Raises:
         ValueError: it is not a finite number.

@@ -1,4 +1,4 @@
-"""What the robot sees: entities in its field of view, and ranges of a lidar, from the rows of an observation."""
+"""The robot's field of view and lidar, computed from the rows of an observation."""
 
 from __future__ import annotations
 
@@ -7,26 +7,24 @@ import math
 from ..core.compiled.kernel import kernel, subroutine
 from ..core.compiled.scalar import length
 from ..core.portable_math import Array, BoolArray
-from .observation import HUMAN, OBJECT
+from .parts import Humans, Objects, places
 
-_X, _Y, _COS, _SIN = (list(HUMAN).index(name) for name in ("x", "y", "cos", "sin"))
-_RADIUS, _SHOULDER = list(HUMAN).index("radius"), list(HUMAN).index("shoulder")
-_LENGTH, _WIDTH, _IS_DISC = (list(OBJECT).index(name) for name in ("length", "width", "is_disc"))
-_OBJECT_COS, _OBJECT_SIN = list(OBJECT).index("cos"), list(OBJECT).index("sin")
+_X, _Y, _COS, _SIN, _RADIUS, _SHOULDER = places(Humans, "x", "y", "cos", "sin", "radius", "shoulder")
+_LENGTH, _WIDTH, _IS_DISC, _OBJECT_COS, _OBJECT_SIN = places(Objects, "length", "width", "is_disc", "cos", "sin")
 
 
 @kernel
 def visible(
     humans: Array, objects: Array, walls: Array, cosine: float, distance: float, occlusion: bool, is_seen: BoolArray
 ) -> None:
-    """Leave those entities seen that are in the field of view.
+    """Mark the entities that the robot sees; all others become unseen.
 
     Args:
         humans, objects, walls: rows of an observation.
         cosine: of half the angle of the field of view.
         distance: m.
         occlusion: whether walls and pedestrians hide others.
-        is_seen: (H + M,), which rows are present; is updated.
+        is_seen: (H + M,), true for rows that are not empty; false is written for entities that are not seen.
     """
     count = len(humans)
     is_there = is_seen.copy()
@@ -34,8 +32,9 @@ def visible(
         if not is_there[k]:
             continue
         is_seen[k] = False
-        own = k if k < count else -1
+        itself = k if k < count else -1  # a pedestrian does not hide itself
         for end in range(-1, 2):
+            # A pedestrian is seen if its centre or an end of its shoulder line is, an object if its centre is.
             if k < count:
                 x = humans[k, _X] - end * humans[k, _SHOULDER] * humans[k, _SIN]
                 y = humans[k, _Y] + end * humans[k, _SHOULDER] * humans[k, _COS]
@@ -44,24 +43,15 @@ def visible(
             away = length(x, y)
             if away > distance or x < cosine * away:
                 continue
-            is_hidden = False
+            ux, uy, is_hidden = x / max(away, 1e-9), y / max(away, 1e-9), False
             for w in range(len(walls) if occlusion else 0):
-                is_hidden = is_hidden or _crosses(x, y, walls[w, 0], walls[w, 1], walls[w, 2], walls[w, 3])
+                hit = _range_to_line(ux, uy, walls[w, 0], walls[w, 1], walls[w, 2], walls[w, 3])
+                is_hidden = is_hidden or hit < away
             for j in range(count if occlusion else 0):
-                if is_there[j] and j != own and not is_hidden:
-                    hit = _range_to_body(humans, j, x / max(away, 1e-9), y / max(away, 1e-9))
-                    is_hidden = hit < away
+                if is_there[j] and j != itself and not is_hidden:
+                    is_hidden = _range_to_body(humans, j, ux, uy) < away
             if not is_hidden:
                 is_seen[k] = True
-
-
-@subroutine
-def _crosses(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> bool:
-    """Whether the line from the origin to (x, y) crosses that from (ax, ay) to (bx, by)."""
-    from_line_a, from_line_b = x * ay - y * ax, x * by - y * bx
-    dx, dy = bx - ax, by - ay
-    origin_side, point_side = dx * -ay - dy * -ax, dx * (y - ay) - dy * (x - ax)
-    return from_line_a * from_line_b < 0.0 and origin_side * point_side < 0.0
 
 
 @kernel

@@ -13,14 +13,14 @@ from ..core.wording import shown
 from ..scenegen.scenario.config import ScenarioConfig
 from ..version import PHYSICS_VERSION
 
-STATE_FORMAT: Literal["sonata2d-env-state"] = "sonata2d-env-state"
-STATE_VERSION: Literal[1] = 1
+_STATE_FORMAT: Literal["sonata2d-env-state"] = "sonata2d-env-state"
+_STATE_VERSION: Literal[1] = 1
 MAX_SEED = 2**63 - 1  # the largest that files hold
 _Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
 
 
 class EnvState(BaseModel):
-    """What `SocialNavEnv.get_state` returns: the seed and the commands that lead to the state.
+    """Result of `SocialNavEnv.get_state`: the seed and the commands that lead to the state.
 
     Attributes:
         format, version: of this data.
@@ -35,8 +35,8 @@ class EnvState(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    format: Literal["sonata2d-env-state"] = STATE_FORMAT
-    version: Literal[1] = STATE_VERSION
+    format: Literal["sonata2d-env-state"] = _STATE_FORMAT
+    version: Literal[1] = _STATE_VERSION
     physics: int = PHYSICS_VERSION
     settings: dict[str, Any]
     seed: _Seed
@@ -47,17 +47,17 @@ class EnvState(BaseModel):
 
 
 def checked_state(state: Mapping[str, Any], config: ScenarioConfig) -> EnvState:
-    """A state that fits a scenario.
+    """Validate a state for a scenario.
 
     Raises:
-        ValueError: it is not a state of this version, or one of another scenario.
+        ValueError: it is not a state of this version, or belongs to another scenario.
     """
-    found = state if isinstance(state, Mapping) else {}
-    if found.get("format") != STATE_FORMAT or found.get("version") != STATE_VERSION:
-        got = f"{found.get('format')!r}, version {found.get('version')!r}" if found else shown(state)
-        raise ValueError(f"a state has the format {STATE_FORMAT!r}, version {STATE_VERSION}; got {got}")
+    content = state if isinstance(state, Mapping) else {}
+    if content.get("format") != _STATE_FORMAT or content.get("version") != _STATE_VERSION:
+        got = f"{content.get('format')!r}, version {content.get('version')!r}" if content else shown(state)
+        raise ValueError(f"a state has the format {_STATE_FORMAT!r}, version {_STATE_VERSION}; got {got}")
     try:
-        checked = EnvState.model_validate(dict(found))
+        checked = EnvState.model_validate(dict(content))
         np.random.PCG64().state = json.loads(checked.np_random)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
@@ -68,8 +68,8 @@ def checked_state(state: Mapping[str, Any], config: ScenarioConfig) -> EnvState:
         raise ValueError(f"the state is damaged: np_random: {error!r}; use one of get_state()") from None
     if checked.physics != PHYSICS_VERSION:
         raise ValueError(
-            f"the state is one of physics version {checked.physics}, this sonata2d has version {PHYSICS_VERSION}: its "
-            "commands would lead elsewhere"
+            f"the state has physics version {checked.physics}, this sonata2d has version {PHYSICS_VERSION}: the "
+            "commands would lead to another state"
         )
     if checked.settings != config.settings():
         raise ValueError("the state belongs to another scenario, or to other settings of it")

@@ -1,7 +1,7 @@
 """Wrappers of the environment: other observations and actions.
 
-All but `History` and `Noise` are functions of the present observation. Wrappers can be combined; those that read the
-dictionary of `SocialNavEnv` (`WorldFrame`, `FieldOfView`, `Noise`, `Lidar`, `Graph`) come before `Flat`.
+All but `History` and `Noise` are functions of the present observation. Wrappers can be combined; `WorldFrame`,
+`FieldOfView`, `Noise`, `Lidar` and `Graph` read the dictionary of `SocialNavEnv` and come before `Flat`.
 """
 
 from __future__ import annotations
@@ -10,57 +10,59 @@ import math
 from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
+from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 from gymnasium.wrappers import NormalizeObservation
-from numpy.typing import NDArray
 
 from ..core.entities import RELATIONS
 from ..core.humans import ACTIVITIES
 from ..core.portable_math import PI, unit_vectors
 from ..registry import did_you_mean
 from .env import SocialNavEnv, base_of, wrappers_of
-from .observation import FARTHEST, GOAL, HUMAN, OBJECT, OBJECT_TYPES, ROBOT, WALL, Floats32, Observation
+from .parts import FARTHEST, OBJECT_TYPES, STANDARD, Floats32, Observation, Table
 from .sensing import measure_ranges, visible
 
 Env = gymnasium.Env[Any, Any]
 
 
-def changes_spaces(env: gymnasium.Wrapper[Any, Any, Any, Any]) -> bool:
-    """Whether the observations or actions of a wrapper have other spaces than those inside it."""
-    inner = env.env
-    return env.observation_space != inner.observation_space or env.action_space != inner.action_space
-
-
 def has_memory(wrapper: gymnasium.Wrapper[Any, Any, Any, Any]) -> bool:
-    """Whether what a wrapper of another package does to observations or actions depends on more than the present ones.
+    """Whether a wrapper of another package is stateful.
 
-    Those of values have a memory if they have methods of their own to update it; of the others it is known whether they
-    change anything only if the spaces change.
+    Observation and action wrappers are stateful if they override `reset` or `step`; any other wrapper counts as
+    stateful if it changes a space.
     """
-    if isinstance(wrapper, EpisodeWrapper):
+    if isinstance(wrapper, EpisodeWrapper):  # `restore` repeats its observations
         return False
-    if isinstance(wrapper, NormalizeObservation):
+    if isinstance(wrapper, NormalizeObservation):  # overrides nothing, but updates its mean in `observation`
         return wrapper.update_running_mean
     for base in (gymnasium.ObservationWrapper, gymnasium.ActionWrapper):
         if isinstance(wrapper, base):
             return type(wrapper).reset is not base.reset or type(wrapper).step is not base.step
-    return changes_spaces(wrapper) or type(wrapper).__name__ in ("MaxAndSkipObservation", "RepeatAction")
+    if type(wrapper).__name__ in ("MaxAndSkipObservation", "RepeatAction"):  # change the time of observations only
+        return True
+    inner = wrapper.env
+    return wrapper.observation_space != inner.observation_space or wrapper.action_space != inner.action_space
 
 
 class EpisodeWrapper(gymnasium.ObservationWrapper[Any, Any, Any], RecordConstructorArgs):
     """Base class of the wrappers of observations.
 
-    What a wrapper remembers must follow from the observations since the beginning of the episode, so that `restore`
-    can repeat it.
+    The state of a wrapper may depend on the observations since the beginning of the episode only, so that `restore` can
+    repeat them.
+
+    Attributes:
+        reads: names of the parts on which other parts of the wrapper's observation depend.
     """
 
+    reads: ClassVar[frozenset[str]] = frozenset()
+
     def __init__(self, env: Env, **arguments: Any) -> None:
-        # numbers of NumPy as those of Python, for files
+        # numbers of NumPy as numbers of Python, for files
         plain = {key: value.item() if isinstance(value, np.generic) else value for key, value in arguments.items()}
         RecordConstructorArgs.__init__(self, **plain)
         super().__init__(env)
@@ -73,18 +75,18 @@ class EpisodeWrapper(gymnasium.ObservationWrapper[Any, Any, Any], RecordConstruc
         return super().reset(seed=seed, options=options)
 
     def _parts(self) -> spaces.Dict:
-        """The space of the wrapped environment, whose parts must be those of a `SocialNavEnv`.
+        """The space of the wrapped environment, which must have the parts of `SocialNavEnv`.
 
         Raises:
-            TypeError: a wrapper inside has changed them.
+            TypeError: a wrapper inside has changed a part.
         """
-        space, own, name = self.env.observation_space, self._base.encoder.space, type(self).__name__
+        space, base_space, name = self.env.observation_space, self._base.encoder.space, type(self).__name__
         if not isinstance(space, spaces.Dict) or "humans" not in space.spaces:
             is_frame = isinstance(self, WorldFrame) and isinstance(self.env, Lidar)
             way = "use Lidar(keep=True)" if is_frame else f"put {name} inside it"
             raise TypeError(f"{name} needs the dictionary of SocialNavEnv, got {_shape_of(space)} of {self.env}; {way}")
-        for part in own.spaces:
-            if part not in space.spaces or space[part].shape != own[part].shape:
+        for part in base_space.spaces:
+            if part not in space.spaces or space[part].shape != base_space[part].shape:
                 raise TypeError(
                     f"{name} needs the parts of SocialNavEnv in the robot's frame, but {part!r} was changed inside "
                     f"{self.env}; put {name} inside WorldFrame and History"
@@ -92,17 +94,17 @@ class EpisodeWrapper(gymnasium.ObservationWrapper[Any, Any, Any], RecordConstruc
         return space
 
     def _require_rows(self, *names: str) -> None:
-        """Require a row for each entity of some kinds, because those without one would not be in the way.
+        """Require a row for each entity of some kinds, because entities without a row would hide nothing.
 
         Raises:
             ValueError: there are fewer rows than the scenario may have entities.
         """
-        own, needed = asdict(self._base.encoder.sizes), asdict(self._base.entities)
+        rows, needed = asdict(self._base.encoder.sizes), asdict(self._base.entities)
         for name in names:
-            if own[name] < needed[name]:
+            if rows[name] < needed[name]:
                 raise ValueError(
                     f"{type(self).__name__} needs rows of all {name}, because they hide what is behind them: "
-                    f"sizes[{name!r}] is {own[name]}, the scenario has up to {needed[name]}; leave out this size"
+                    f"sizes[{name!r}] is {rows[name]}, the scenario has up to {needed[name]}; leave out this size"
                 )
 
     @property
@@ -125,19 +127,22 @@ class Flat(EpisodeWrapper):
         space = env.observation_space
         if not isinstance(space, spaces.Dict):
             raise TypeError(f"Flat needs observations in a dictionary, got {_shape_of(space)} of {env}")
-        self._keys = tuple(name for name in space if space[name].dtype == np.float32) if keys is None else keys
-        if not self._keys:
-            raise ValueError(f"keys must name one or more parts of {', '.join(space.spaces)}; None: those of floats")
-        for name in self._keys:
+        self.keys = tuple(name for name in space if space[name].dtype == np.float32) if keys is None else keys
+        if not self.keys:
+            raise ValueError(
+                f"keys must name one or more parts of {', '.join(space.spaces)}; None: all parts of floats"
+            )
+        for name in self.keys:
             if name not in space.spaces:
                 hint = did_you_mean(name, space.spaces) or f"; it has {', '.join(space.spaces)}"
                 raise ValueError(f"the observation has no part {name!r}{hint}")
-        bounds = [_bounds(space[name]) for name in self._keys]
-        low, high = (np.concatenate([bound[k].ravel() for bound in bounds]) for k in range(2))
-        self.observation_space = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
+        boxes: list[Any] = [batch_space(space[name], 1) for name in self.keys]  # also of parts of integers
+        low = np.concatenate([box.low.ravel() for box in boxes], dtype=np.float32)
+        high = np.concatenate([box.high.ravel() for box in boxes], dtype=np.float32)
+        self.observation_space = spaces.Box(low, high, dtype=np.float32)
 
     def observation(self, observation: Observation) -> Floats32:
-        return np.concatenate([observation[name].ravel() for name in self._keys], dtype=np.float32)
+        return np.concatenate([observation[name].ravel() for name in self.keys], dtype=np.float32)
 
 
 def _shape_of(space: spaces.Space[Any]) -> str:
@@ -147,75 +152,55 @@ def _shape_of(space: spaces.Space[Any]) -> str:
     return f"{type(space).__name__} of the shape {space.shape}"
 
 
-def _bounds(space: spaces.Space[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Lowest and highest values of a part of an observation."""
-    if isinstance(space, spaces.MultiDiscrete):
-        return np.zeros(space.shape), space.nvec - 1
-    assert isinstance(space, spaces.Box)
-    return space.low, space.high
-
-
-# Columns of vectors, by the part of the observation; those of points move with the origin of the frame.
-_POINTS = (("x", "y"), ("start_x", "start_y"), ("end_x", "end_y"))
-_VECTORS = (("vx", "vy"), ("cos", "sin"), ("gaze_cos", "gaze_sin"))
 _WORLD = 10_000.0  # m, bound of coordinates in the world frame
-_COLUMNS = {"robot": ROBOT, "goal": GOAL, "humans": HUMAN, "objects": OBJECT, "walls": WALL}
-
-
-def _in_world(columns: dict[str, float]) -> NDArray[np.float64]:
-    """The bounds of columns in the world frame."""
-    points = {name for pair in _POINTS for name in pair}
-    return np.array([_WORLD if name in points else bound for name, bound in columns.items()])
 
 
 class WorldFrame(EpisodeWrapper):
     """Positions, velocities and directions in the frame of the world instead of the robot's.
 
     Coordinates are clipped to ±10 km. The part `robot` begins with the robot's own x, y (m), cosine and sine of its
-    heading.
+    heading. Of all parts, the columns with `axes` change.
     """
 
     def __init__(self, env: Env) -> None:
         super().__init__(env)
         space = self._parts()
-        robot = space["robot"]
-        assert isinstance(robot, spaces.Box)
-        self._high = {name: _in_world(columns) for name, columns in _COLUMNS.items()}
-        boxes: dict[str, spaces.Space[Any]] = {}
-        for name in ("goal", "humans", "objects", "walls"):
-            inner = space[name]
+        self._turned = [part for part in self._base.encoder.parts if part.pairs()]
+        boxes: dict[str, spaces.Box] = {}
+        for part in self._turned:
+            inner = space[part.name]
             assert isinstance(inner, spaces.Box)
-            high = np.broadcast_to(self._high[name], inner.shape).astype(np.float32)
-            boxes[name] = spaces.Box(np.where(inner.low < 0.0, -high, inner.low), high, dtype=np.float32)
-        own = np.array([_WORLD, _WORLD, 1.0, 1.0], dtype=np.float32)
-        boxes["robot"] = spaces.Box(
-            np.concatenate((-own, robot.low)), np.concatenate((own, robot.high)), (9,), np.float32
-        )
+            is_point = np.array([column.axes == "point" for column in part.columns])
+            low, high = np.where(is_point, -_WORLD, inner.low), np.where(is_point, _WORLD, inner.high)
+            boxes[part.name] = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
+        self._clipped = dict(boxes)
+        pose = np.array([_WORLD, _WORLD, 1.0, 1.0], dtype=np.float32)
+        robot = boxes["robot"]
+        boxes["robot"] = spaces.Box(np.concatenate((-pose, robot.low)), np.concatenate((pose, robot.high)))
         self.observation_space = spaces.Dict({**space.spaces, **boxes})
 
     def observation(self, observation: Observation) -> Observation:
         robot = self._base.snapshot.robot
         (x, y), (c, s) = robot.position, robot.direction
         result = dict(observation)
-        for name, columns in _COLUMNS.items():
-            rows, names = observation[name].astype(float), list(columns)
-            for pair in (*_POINTS, *_VECTORS):
-                if pair[0] in names:
-                    i, k = names.index(pair[0]), names.index(pair[1])
-                    at_x, at_y = (x, y) if pair in _POINTS else (0.0, 0.0)
-                    a, b = rows[..., i].copy(), rows[..., k].copy()
-                    rows[..., i], rows[..., k] = at_x + a * c - b * s, at_y + a * s + b * c
-            if f"{name}_mask" in observation:
-                rows *= observation[f"{name}_mask"][:, None]  # rows of absent entities stay 0
-            result[name] = np.clip(rows, -self._high[name], self._high[name]).astype(np.float32)
-        own = np.clip([x, y, c, s], -_WORLD, _WORLD).astype(np.float32)
-        result["robot"] = np.concatenate((own, result["robot"]))
+        for part in self._turned:
+            rows, box = observation[part.name].astype(float), self._clipped[part.name]
+            for k, column in part.pairs():
+                origin_x, origin_y = (x, y) if column.axes == "point" else (0.0, 0.0)
+                ahead, left = rows[..., k].copy(), rows[..., k + 1].copy()
+                rows[..., k], rows[..., k + 1] = origin_x + ahead * c - left * s, origin_y + ahead * s + left * c
+            if part.rows_of:
+                rows *= observation[f"{part.rows_of}_mask"][:, None]  # empty rows stay 0
+            result[part.name] = np.clip(rows, box.low, box.high).astype(np.float32)
+        pose = np.clip([x, y, c, s], -_WORLD, _WORLD).astype(np.float32)
+        result["robot"] = np.concatenate((pose, result["robot"]))
         return result
 
 
 class Noise(EpisodeWrapper):
-    """Normally distributed noise in what is observed of pedestrians and furniture.
+    """Normally distributed noise in positions, velocities and directions of pedestrians and furniture.
 
+    It is added to the columns with `axes` of all tables of these, and derived parts are computed from the noisy rows.
     The noise of a tick depends on seed, episode and tick only.
 
     Args:
@@ -236,32 +221,35 @@ class Noise(EpisodeWrapper):
 
     def observation(self, observation: Observation) -> Observation:
         base, (position, velocity, angle) = self._base, self._deviations
-        random = np.random.default_rng([*base.episode_id, base.snapshot.tick, self._depth])
+        scene = base.scene
+        random = np.random.default_rng([scene.seed, scene.episode, base.snapshot.tick, self._depth])
         result = dict(observation)
-        for name in ("humans", "objects"):
-            rows, columns = observation[name].astype(float), list(_COLUMNS[name])
-            for pair, deviation in ((("x", "y"), position), (("vx", "vy"), velocity)):
-                if pair[0] in columns:
-                    at = columns.index(pair[0])
-                    rows[:, at : at + 2] += deviation * random.standard_normal((len(rows), 2))
-            for pair in (("cos", "sin"), ("gaze_cos", "gaze_sin")):
-                if pair[0] in columns:
-                    at, turn = columns.index(pair[0]), angle * random.standard_normal(len(rows))
-                    c, s = rows[:, at].copy(), rows[:, at + 1].copy()
-                    rows[:, at] = c * np.cos(turn) - s * np.sin(turn)
-                    rows[:, at + 1] = s * np.cos(turn) + c * np.sin(turn)
-            rows *= observation[f"{name}_mask"][:, None]
-            high = np.array(list(_COLUMNS[name].values()))
-            result[name] = np.clip(rows, -high, high).astype(np.float32)
+        for part in base.encoder.parts:
+            if part.rows_of not in ("humans", "objects") or not part.pairs():
+                continue
+            rows = observation[part.name].astype(float)
+            for k, column in part.pairs():
+                a, b = rows[:, k].copy(), rows[:, k + 1].copy()
+                if column.unit:
+                    deviation = position if column.axes == "point" else velocity
+                    rows[:, k : k + 2] += deviation * random.standard_normal((len(rows), 2))
+                else:  # a unit vector
+                    turn = angle * random.standard_normal(len(rows))
+                    rows[:, k] = a * np.cos(turn) - b * np.sin(turn)
+                    rows[:, k + 1] = b * np.cos(turn) + a * np.sin(turn)
+            rows *= observation[f"{part.rows_of}_mask"][:, None]
+            result[part.name] = np.clip(rows, *part.bounds()).astype(np.float32)
+        base.encoder.derive(result)
         return result
 
 
 class FieldOfView(EpisodeWrapper):
-    """Only the pedestrians and the furniture that the robot can see; walls and the goal are known.
+    """A field of view: only pedestrians and furniture that the robot sees have rows; walls and the goal are known.
 
     An entity is seen if its centre, or one of the ends of a pedestrian's shoulders, is within angle and distance, and
     neither a wall nor another pedestrian is in between. Furniture hides nothing: people see over it. Interactions are
-    observed if both sides are.
+    observed if both sides are. The rows of hidden entities are cleared in every part that has rows of them, and derived
+    parts are computed from the rows that remain.
 
     Args:
         env: with the dictionary of `SocialNavEnv`.
@@ -269,6 +257,8 @@ class FieldOfView(EpisodeWrapper):
         distance: within which entities are seen, m.
         occlusion: whether walls and pedestrians hide what is behind them.
     """
+
+    reads = frozenset({"humans", "objects", "walls"})
 
     def __init__(
         self, env: Env, angle: float = 2.0 * math.pi / 3.0, distance: float = 10.0, occlusion: bool = True
@@ -289,21 +279,14 @@ class FieldOfView(EpisodeWrapper):
         is_seen = np.concatenate((observation["humans_mask"], observation["objects_mask"])) > 0.0
         wall_count = int(observation["walls_mask"].sum()) if self._occlusion else 0
         visible(humans, objects, walls[:wall_count], self._cosine, self._distance, self._occlusion, is_seen)
-        human_is_seen, object_is_seen = is_seen[: len(humans)], is_seen[len(humans) :]
-        for name, seen in (("humans", human_is_seen), ("objects", object_is_seen)):
-            result[name][~seen] = 0.0
-            result[f"{name}_mask"][~seen] = 0.0
-        result["activities"][~human_is_seen] = 0
-        result["object_types"][~object_is_seen] = 0
-        ends = observation["interactions"][:, [0, 2]]
-        hidden = ~is_seen[ends].all(axis=1)
-        result["interactions"][hidden] = 0
-        result["interactions_mask"][hidden] = 0.0
+        self._base.encoder.hide(result, is_seen[: len(humans)], is_seen[len(humans) :])
         return result
 
 
 class Lidar(EpisodeWrapper):
-    """Distances along rays from the centre of the robot instead of the entities: parts `robot`, `goal` and `lidar`.
+    """Distances along rays from the centre of the robot, in the part `lidar`, instead of the parts about entities.
+
+    The parts about robot and goal only stay.
 
     The rays end at walls, furniture and pedestrians; the first one points straight ahead, the others follow
     counter-clockwise at equal angles.
@@ -315,6 +298,8 @@ class Lidar(EpisodeWrapper):
         keep: whether the other parts of the observation stay.
     """
 
+    reads = frozenset({"humans", "objects", "walls"})
+
     def __init__(self, env: Env, rays: int = 72, distance: float = 10.0, keep: bool = False) -> None:
         super().__init__(env, rays=rays, distance=distance, keep=keep)
         if not (isinstance(rays, int | np.integer) and rays >= 1):
@@ -323,7 +308,8 @@ class Lidar(EpisodeWrapper):
             raise ValueError(f"distance must be positive and finite, got {distance!r}")
         space, self._distance = self._parts(), distance
         self._require_rows("humans", "objects", "walls")
-        self._kept = tuple(space.spaces) if keep else ("goal", "robot")
+        parts = [part.name for part in self._base.encoder.parts if part.about <= {"robot", "goal"}]
+        self._kept = tuple(space.spaces) if keep else tuple(parts)
         self._directions = unit_vectors(np.arange(rays, dtype=float) * (2.0 * PI / rays))
         box = spaces.Box(np.float32(0.0), np.float32(distance), (rays,), np.float32)
         self.observation_space = spaces.Dict({**{name: space[name] for name in self._kept}, "lidar": box})
@@ -338,11 +324,20 @@ class Lidar(EpisodeWrapper):
         return {**{name: observation[name] for name in self._kept}, "lidar": ranges.astype(np.float32)}
 
 
-# Columns of the nodes of `Graph`.
 _NODE_TYPES = ("robot", "goal", "human", "object", "wall")
-_NODE = ("x", "y", "vx", "vy", "cos", "sin", "gaze_cos", "gaze_sin", "omega", "length", "width")
-NODE_FEATURES = (*(f"is_{name}" for name in _NODE_TYPES), *_NODE, *ACTIVITIES, *OBJECT_TYPES)
+_MOTION = ("x", "y", "vx", "vy", "cos", "sin", "gaze_cos", "gaze_sin", "omega")
+NODE_FEATURES = (*(f"is_{name}" for name in _NODE_TYPES), *_MOTION, "length", "width", *ACTIVITIES, *OBJECT_TYPES)
 EDGE_TYPES = ("robot", *RELATIONS)
+_FEATURE = {name: k for k, name in enumerate(NODE_FEATURES)}
+
+
+def _nodes(kind: str, mask: Floats32, **columns: Any) -> Floats32:
+    """Rows of `Graph.nodes` of one type, from their mask and the columns that are not 0."""
+    nodes = np.zeros((len(mask), len(NODE_FEATURES)), dtype=np.float32)
+    nodes[:, _FEATURE[f"is_{kind}"]] = mask
+    for name, values in columns.items():
+        nodes[:, _FEATURE[name]] = values
+    return nodes
 
 
 class Graph(EpisodeWrapper):
@@ -351,16 +346,17 @@ class Graph(EpisodeWrapper):
 
     The nodes are the robot, the goal, and the rows of pedestrians, objects and walls; columns `NODE_FEATURES`. Edges
     are pairs of nodes (source, destination): both ways between the robot and every other node, and both ways for each
-    interaction; types `EDGE_TYPES`.
+    interaction; types `EDGE_TYPES`. Further parts of the observation are left out.
     """
+
+    reads = frozenset(part.name for part in STANDARD)
 
     def __init__(self, env: Env) -> None:
         super().__init__(env)
-        space = self._parts()
-        rows = [space[name].shape for name in ("humans", "objects", "walls", "interactions")]
-        self._humans, self._objects, self._walls, interactions = (shape[0] for shape in rows if shape is not None)
-        nodes = 2 + self._humans + self._objects + self._walls
-        count = 2 * (nodes - 1) + 2 * interactions
+        self._parts()
+        sizes = self._base.encoder.sizes
+        nodes = 2 + sizes.humans + sizes.objects + sizes.walls
+        count = 2 * (nodes - 1) + 2 * sizes.interactions
         bound, one = np.full((nodes, len(NODE_FEATURES)), FARTHEST, dtype=np.float32), np.float32(1.0)
         self._to_robot = np.array([(k, 0) for k in range(1, nodes)] + [(0, k) for k in range(1, nodes)])
         self.observation_space = spaces.Dict(
@@ -374,42 +370,29 @@ class Graph(EpisodeWrapper):
         )
 
     def observation(self, observation: Observation) -> Observation:
-        humans, objects, walls = self._humans, self._objects, self._walls
-        nodes = np.zeros((2 + humans + objects + walls, len(NODE_FEATURES)), dtype=np.float32)
-        at = {name: k for k, name in enumerate(NODE_FEATURES)}
-        robot, goal = (dict(zip(_COLUMNS[name], observation[name], strict=True)) for name in ("robot", "goal"))
-        nodes[0, [at["is_robot"], at["cos"]]] = 1.0
-        nodes[0, [at["vx"], at["vy"], at["omega"]]] = robot["vx"], robot["vy"], robot["omega"]
-        nodes[0, [at["length"], at["width"]]] = 2.0 * robot["radius"]
-        nodes[1, at["is_goal"]] = 1.0
-        nodes[1, [at["x"], at["y"], at["cos"], at["sin"]]] = goal["x"], goal["y"], goal["cos"], goal["sin"]
-        nodes[1, [at["length"], at["width"]]] = 2.0 * goal["distance"]
-        first, mask = 2, [np.ones(2, dtype=np.float32)]
-        for name, columns, count in (("humans", HUMAN, humans), ("objects", OBJECT, objects), ("walls", WALL, walls)):
-            rows, is_there = nodes[first : first + count], observation[f"{name}_mask"]
-            rows[:, at[f"is_{name[:-1]}"]] = is_there
-            for k, column in enumerate(columns):
-                if column in at:
-                    rows[:, at[column]] = observation[name][:, k]
-            mask.append(is_there)
-            first += count
-        human, wall = observation["humans"], observation["walls"]
-        radius, shoulder = (human[:, list(HUMAN).index(name)] for name in ("radius", "shoulder"))
-        nodes[2 : 2 + humans, at["length"]] = 2.0 * radius
-        nodes[2 : 2 + humans, at["width"]] = 2.0 * (radius + shoulder)
-        nodes[2 + np.arange(humans), at[ACTIVITIES[0]] + observation["activities"]] = observation["humans_mask"]
-        things = 2 + humans + np.arange(objects)
-        nodes[things, at[OBJECT_TYPES[0]] + observation["object_types"]] = observation["objects_mask"]
-        along = wall[:, 2:] - wall[:, :2]
-        size = np.sqrt((along * along).sum(axis=1))
-        rows = nodes[2 + humans + objects :]
-        rows[:, [at["x"], at["y"]]] = (wall[:, 2:] + wall[:, :2]) / 2.0
-        rows[:, [at["cos"], at["sin"]]] = along / np.maximum(size, 1e-6)[:, None]
-        rows[:, at["length"]] = size
-        return {"nodes": nodes, "nodes_mask": np.concatenate(mask), **self._edges(observation, np.concatenate(mask))}
+        robot, goal, humans, objects, walls = (Table(part, observation[part.name]) for part in STANDARD[:5])
+        one = np.ones(1, dtype=np.float32)
+        human_mask, object_mask, wall_mask = (observation[f"{kind}_mask"] for kind in ("humans", "objects", "walls"))
+        robot_size, goal_size, depth = 2.0 * robot["radius"], 2.0 * goal["distance"], 2.0 * humans["radius"]
+        breadth = 2.0 * (humans["radius"] + humans["shoulder"])
+        along_x, along_y = walls["end_x"] - walls["start_x"], walls["end_y"] - walls["start_y"]
+        middle_x, middle_y = (walls["end_x"] + walls["start_x"]) / 2.0, (walls["end_y"] + walls["start_y"]) / 2.0
+        size = np.sqrt(along_x * along_x + along_y * along_y)
+        cos, sin = along_x / np.maximum(size, 1e-6), along_y / np.maximum(size, 1e-6)
+        blocks = [
+            _nodes("robot", one, cos=1.0, length=robot_size, width=robot_size, **robot.columns("vx", "vy", "omega")),
+            _nodes("goal", one, length=goal_size, width=goal_size, **goal.columns("x", "y", "cos", "sin")),
+            _nodes("human", human_mask, length=depth, width=breadth, **humans.columns(*_MOTION)),
+            _nodes("object", object_mask, **objects.columns("x", "y", "cos", "sin", "length", "width")),
+            _nodes("wall", wall_mask, x=middle_x, y=middle_y, cos=cos, sin=sin, length=size),
+        ]
+        blocks[2][np.arange(len(humans)), _FEATURE[ACTIVITIES[0]] + observation["activities"]] = human_mask
+        blocks[3][np.arange(len(objects)), _FEATURE[OBJECT_TYPES[0]] + observation["object_types"]] = object_mask
+        mask = np.concatenate((one, one, human_mask, object_mask, wall_mask))
+        return {"nodes": np.concatenate(blocks), "nodes_mask": mask, **self._edges(observation, mask)}
 
     def _edges(self, observation: Observation, nodes_mask: Floats32) -> Observation:
-        """The edges with their types and mask; those of absent nodes are 0."""
+        """The edges with their types and mask; edges of absent nodes are 0."""
         interactions, linked = observation["interactions"], observation["interactions_mask"]
         links = 2 + interactions[:, [0, 2]]  # pedestrians come right after robot and goal, objects after them
         edges = np.concatenate((self._to_robot, links, links[:, ::-1]))
@@ -420,7 +403,7 @@ class Graph(EpisodeWrapper):
 
 
 class History(EpisodeWrapper):
-    """The last observations, the newest last, each part with a further first axis; the first one is repeated.
+    """The last observations, the newest last, along a further first axis; at the beginning the first one is repeated.
 
     Args:
         env: with one array, or a dictionary of arrays.
@@ -433,13 +416,7 @@ class History(EpisodeWrapper):
             raise ValueError(f"length must be an integer of 1 or more, got {length!r}")
         self._length = length
         self._past: deque[Any] = deque(maxlen=int(length))
-        space = env.observation_space
-        if isinstance(space, spaces.Dict):
-            self.observation_space: spaces.Space[Any] = spaces.Dict(
-                {name: _repeated(part, length) for name, part in space.items()}
-            )
-        else:
-            self.observation_space = _repeated(space, length)
+        self.observation_space: spaces.Space[Any] = batch_space(env.observation_space, int(length))
 
     def begin(self) -> None:
         self._past.clear()
@@ -448,15 +425,14 @@ class History(EpisodeWrapper):
         self._past.append(observation)
         while len(self._past) < self._length:
             self._past.append(observation)
-        if isinstance(observation, dict):
-            return {name: np.stack([past[name] for past in self._past]) for name in observation}
-        return np.stack(list(self._past))
+        return stacked(self.env.observation_space, self._past)
 
 
-def _repeated(space: spaces.Space[Any], length: int) -> spaces.Box:
-    """The space of `length` values of a space."""
-    low, high = _bounds(space)
-    return spaces.Box(np.stack([low] * length), np.stack([high] * length), dtype=space.dtype)  # type: ignore[arg-type]
+def stacked(space: spaces.Space[Any], observations: Iterable[Any]) -> Any:
+    """Observations of a space as one, with a further first axis."""
+    parts = tuple(observations)
+    batch: Any = create_empty_array(space, len(parts))
+    return concatenate(space, parts, batch)
 
 
 # Fractions of the limits: forward, left, turn.
@@ -476,7 +452,7 @@ class DiscreteActions(gymnasium.ActionWrapper[Any, Any, Any], RecordConstructorA
             left.
 
     Raises:
-        TypeError: the actions are not those of `SocialNavEnv`.
+        TypeError: the environment has not the actions of `SocialNavEnv`.
         ValueError: the moves are not rows of three fractions.
     """
 
@@ -499,5 +475,5 @@ class DiscreteActions(gymnasium.ActionWrapper[Any, Any, Any], RecordConstructorA
         return move
 
     def nearest(self, action: Floats32) -> int:
-        """The index of the move that is nearest to an action of the wrapped environment."""
+        """Index of the move that is nearest to an action of the wrapped environment."""
         return int(np.argmin(((self._table - action) ** 2).sum(axis=1)))

@@ -12,7 +12,7 @@ from ..core.compiled.kernel import kernel, subroutine
 from ..core.portable_math import Array, exp_of
 
 UNIT, LARGEST_VALUE = 1.0 / (1 << 14), 64.0  # of values: 20 bits
-WEIGHT_UNIT, LARGEST_WEIGHT = 1.0 / (1 << 13), 32.0  # 18 bits: a sum of 2^14 products has 52 bits; a double holds 53
+_WEIGHT_UNIT, LARGEST_WEIGHT = 1.0 / (1 << 13), 32.0  # 18 bits: a sum of 2^14 products has 52 bits; a double holds 53
 SLOPE = 0.01  # of the leaky ReLU below 0
 BLOCK = 1 << 18  # multiplications per call: beyond it OpenBLAS starts threads, which cost more than they save here
 _SHIFT = UNIT * (3 << 51)  # doubles of this size are multiples of the unit
@@ -52,7 +52,7 @@ def round_weights(numbers: Array) -> Array:
     """
     if not (np.abs(numbers) <= LARGEST_WEIGHT).all():
         raise ValueError(f"weights must be within ±{LARGEST_WEIGHT:g}, got {np.abs(numbers).max():g}")
-    rounded_weights: Array = np.rint(np.asarray(numbers) / WEIGHT_UNIT) * WEIGHT_UNIT
+    rounded_weights: Array = np.rint(np.asarray(numbers) / _WEIGHT_UNIT) * _WEIGHT_UNIT
     return rounded_weights
 
 

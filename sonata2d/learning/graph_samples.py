@@ -21,7 +21,7 @@ class GraphSamples:
         kind: `modern`, see `learning.graph.modern_graph`, or `paper`, see `learning.graph.paper_graphs`.
         every: time between the newest instants of two modern graphs, s.
         frame: frame of reference of modern graphs: `world`, `robot` or `goal`.
-        instants: number of instants of modern graphs, 1 or more; those at the start of an episode have fewer.
+        instants: number of instants of modern graphs, 1 or more; graphs at the start of an episode have fewer.
         interval: time between the instants of a modern graph, s; a multiple of the tick length.
 
     Raises:

@@ -1,7 +1,7 @@
 """The networks of `graph-policy`, inference only: relational graph convolution and graph attention in fixed point.
 
-They compute what `RGCNConv` (sums, no root weight) and `GATv2Conv` of PyTorch Geometric compute, to the precision of
-the fixed-point numbers.
+Their results equal `RGCNConv` (sums, no root weight) and `GATv2Conv` of PyTorch Geometric to the precision of the
+fixed-point numbers.
 
 Source: R-GCN, M. Schlichtkrull et al., ESWC 2018, eq. 2 (without the constant c); GATv2, S. Brody, U. Alon &
 E. Yahav, ICLR 2022, eq. 7, with the relation's vector inside the non-linearity.
@@ -21,8 +21,8 @@ from ..core.portable_math import Array, BoolArray, IntArray
 from .fixed_point import SLOPE, activate, leaky_relu, product, round_weights, rounded, tanh
 from .weights import Weights, layer_count
 
-ATTENTION_SLOPE = 0.2  # of the leaky ReLU inside the attention, the default of GATv2Conv
-LINEAR = 1.0  # slope of a leaky ReLU that changes nothing
+_ATTENTION_SLOPE = 0.2  # of the leaky ReLU inside the attention, the default of GATv2Conv
+_LINEAR = 1.0  # slope of a leaky ReLU that changes nothing
 
 
 class Network(Protocol):
@@ -67,17 +67,17 @@ class Rgcn:
     def __call__(self, x: Array, edges: IntArray, relation: IntArray) -> Array:
         """See `Network`."""
         h, edges, relation = _rounded_graph(x, edges, relation)
-        needed = needed_nodes(edges, relation, len(h), len(self._layers[0][0]), len(self._layers))
+        needed = _needed_nodes(edges, relation, len(h), len(self._layers[0][0]), len(self._layers))
         for k, (weights, bias) in enumerate(self._layers):
             # The edges of one relation into one node share a row: the sum of their sources, multiplied once.
-            rows, destination, ends = gather(h, edges, relation, needed[k], len(weights))
+            rows, destination, ends = _gather(h, edges, relation, needed[k], len(weights))
             out, start = np.empty((len(rows), len(bias))), 0
             for weight, end in zip(weights, ends.tolist(), strict=True):
                 if end > start:
                     product(rows[start:end], weight, out[start:end])
                 start = end
-            h = scatter(out, destination, len(h))
-            activate(h, bias, LINEAR if k == len(self._layers) - 1 else SLOPE)
+            h = _scatter(out, destination, len(h))
+            activate(h, bias, _LINEAR if k == len(self._layers) - 1 else SLOPE)
         return np.array([tanh(value) for value in h[0].tolist()])
 
 
@@ -102,15 +102,15 @@ class GatV2:
         for weight, bias in self._encoder:
             h = _dense(h, weight, bias, SLOPE)
         encoded = h[:1].copy()
-        needed = needed_nodes(edges, relation, len(h), self._relations, len(self._attention))
+        needed = _needed_nodes(edges, relation, len(h), self._relations, len(self._attention))
         for layer, is_needed in zip(self._attention, needed, strict=True):
             source_weight, source_bias, target_weight, target_bias, relation_vector, attention, bias = layer
-            source = _dense(h, source_weight, source_bias, LINEAR)
-            target = _dense(h, target_weight, target_bias, LINEAR)
-            attend(h, source, target, relation_vector, attention, bias, edges, relation, is_needed)
+            source = _dense(h, source_weight, source_bias, _LINEAR)
+            target = _dense(h, target_weight, target_bias, _LINEAR)
+            _attend(h, source, target, relation_vector, attention, bias, edges, relation, is_needed)
         h = np.concatenate((h[:1], encoded), axis=1)
         for k, (weight, bias) in enumerate(self._head):
-            h = _dense(h, weight, bias, LINEAR if k == len(self._head) - 1 else SLOPE)
+            h = _dense(h, weight, bias, _LINEAR if k == len(self._head) - 1 else SLOPE)
         return np.array([tanh(value) for value in h[0].tolist()])
 
 
@@ -129,12 +129,12 @@ def _dense(h: Array, weight: Array, bias: Array, slope: float) -> Array:
 def _rounded_graph(x: Array, edges: IntArray, relation: IntArray) -> tuple[Array, IntArray, IntArray]:
     """Rounded inputs, edges and relations as arrays that kernels take."""
     h = np.array(x, dtype=float)
-    activate(h, np.zeros(h.shape[1]), LINEAR)
+    activate(h, np.zeros(h.shape[1]), _LINEAR)
     return h, np.ascontiguousarray(edges, dtype=np.int64), np.ascontiguousarray(relation, dtype=np.int64)
 
 
 @kernel
-def needed_nodes(edges: IntArray, relation: IntArray, count: int, relations: int, layers: int) -> BoolArray:
+def _needed_nodes(edges: IntArray, relation: IntArray, count: int, relations: int, layers: int) -> BoolArray:
     """Find the nodes whose values influence the hub after the last layer.
 
     Args:
@@ -169,7 +169,7 @@ def needed_nodes(edges: IntArray, relation: IntArray, count: int, relations: int
 
 
 @kernel
-def gather(
+def _gather(
     h: Array, edges: IntArray, relation: IntArray, needed: BoolArray, relations: int
 ) -> tuple[Array, IntArray, IntArray]:
     """Sum up the sources of the edges of each relation into each node.
@@ -207,7 +207,7 @@ def gather(
 
 
 @kernel
-def scatter(rows: Array, destination: IntArray, count: int) -> Array:
+def _scatter(rows: Array, destination: IntArray, count: int) -> Array:
     """Add up rows by node; (K, width) and (K,) to (count, width)."""
     out = np.zeros((count, rows.shape[1]))
     for k in range(len(destination)):
@@ -217,7 +217,7 @@ def scatter(rows: Array, destination: IntArray, count: int) -> Array:
 
 
 @kernel
-def attend(
+def _attend(
     h: Array,
     source: Array,
     target: Array,
@@ -252,7 +252,7 @@ def attend(
         if needed[end]:
             for c in range(width):
                 value = source[start, c] + target[end, c] + relation_vector[r, c]
-                hidden[c] = rounded(leaky_relu(value, ATTENTION_SLOPE))
+                hidden[c] = rounded(leaky_relu(value, _ATTENTION_SLOPE))
             for k in range(heads):
                 dot = 0.0
                 for c in range(size):

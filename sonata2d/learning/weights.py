@@ -25,24 +25,24 @@ GRAPHS = {  # kinds of graph: number of inputs per node, number of relations
     "paper": (len(FEATURES), len(RELATIONS) + 2 * (INSTANTS - 1)),
     "modern": (len(INPUTS), len(RELATIONS)),
 }
-KINDS = ("rgcn", "gatv2")
-OUTPUTS = 3  # ahead, sideways, turn
-ANY = -1  # a size that the file chooses
-SUFFIX = ".npz"
-HEADER = "about"  # name of the archive entry with the JSON header
+_KINDS = ("rgcn", "gatv2")
+_OUTPUTS = 3  # ahead, sideways, turn
+_ANY = -1  # a size that the file chooses
+_SUFFIX = ".npz"
+_HEADER = "about"  # name of the archive entry with the JSON header
 STOCK = Path(__file__).parent / "pretrained" / "graph-policy.npz"
 Arrays = Mapping[str, Array]
 
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """Arrays of a network by name, and what kind of network it is.
+    """The arrays of a network by name, and its kind.
 
     For `rgcn` and k = 0, 1, ...: `layer{k}.weight` (R, in, out) and `layer{k}.bias` (out,); the first layer has F
     inputs, the last one 3 outputs. For `gatv2`: `encoder{k}.weight` (in, out) and `encoder{k}.bias` (out,), from F to
     D; `conv{k}.source.weight` and `conv{k}.target.weight` (D, D), `conv{k}.source.bias`, `conv{k}.target.bias` and
     `conv{k}.bias` (D,), `conv{k}.relation` (R, D), `conv{k}.attention` (H, D / H); `head{k}.weight` and `head{k}.bias`,
-    from 2 D to 3. F inputs per node and R relations are those of the graph, see `GRAPHS`.
+    from 2 D to 3. `GRAPHS` has the inputs per node F and the relations R of each kind of graph.
 
     Attributes:
         graph: input of the network, `paper` or `modern`.
@@ -67,15 +67,15 @@ def write_weights(path: str | Path, weights: Weights) -> None:
         weights: to write; their `sha256` is ignored.
 
     Raises:
-        ValueError: the path has another suffix, or the arrays are not those of a network, see `Weights`.
+        ValueError: the path has another suffix, or the arrays do not form a network, see `Weights`.
     """
     path = Path(path)
-    if path.suffix != SUFFIX:
-        raise ValueError(f"the name of a file of weights must end in {SUFFIX}, got {path}")
-    check_arrays(weights.graph, weights.kind, weights.arrays)
+    if path.suffix != _SUFFIX:
+        raise ValueError(f"the name of a file of weights must end in {_SUFFIX}, got {path}")
+    _check_arrays(weights.graph, weights.kind, weights.arrays)
     header = json.dumps({"graph": weights.graph, "kind": weights.kind, "note": dict(weights.note)}, sort_keys=True)
     arrays = {name: np.asarray(array, dtype=np.float32) for name, array in sorted(weights.arrays.items())}
-    write_npz(path, {HEADER: np.array(header), **arrays})
+    write_npz(path, {_HEADER: np.array(header), **arrays})
 
 
 def read_weights(path: Path) -> Weights:
@@ -90,20 +90,20 @@ def read_weights(path: Path) -> Weights:
         raise ControllerError(f"the weights {error}") from error
     try:
         arrays = read_npz(data, MAX_WEIGHTS_BYTES)
-        header = json.loads(str(arrays.pop(HEADER)))
+        header = json.loads(str(arrays.pop(_HEADER)))
         graph, kind, note = header["graph"], header["kind"], header["note"]
-        check_arrays(graph, kind, arrays)
+        _check_arrays(graph, kind, arrays)
     except (ArithmeticError, KeyError, RecursionError, TypeError, ValueError) as error:
         reason = str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
         raise ControllerError(
             f"{path} does not hold weights of a graph policy: {one_line(reason, 200)}; write such files with"
-            " sonata2d.learning.write_weights, and those of other policies with sonata2d.gym.save_policy"
+            " sonata2d.learning.write_weights, and files of other policies with sonata2d.gym.save_policy"
         ) from error
     exact = {name: array.astype(np.float64) for name, array in arrays.items()}
     return Weights(graph, kind, exact, note, hashlib.sha256(data).hexdigest())
 
 
-def check_arrays(graph: str, kind: str, arrays: Arrays) -> None:
+def _check_arrays(graph: str, kind: str, arrays: Arrays) -> None:
     """Check names, shapes and values of the arrays of a network; see `Weights`.
 
     Args:
@@ -115,8 +115,8 @@ def check_arrays(graph: str, kind: str, arrays: Arrays) -> None:
         ValueError: the graph or the kind is unknown; an array is missing, superfluous, of another shape, not of finite
             floats, or beyond ±32.
     """
-    if graph not in GRAPHS or kind not in KINDS:
-        known = f"known graphs are {', '.join(GRAPHS)}, known kinds {', '.join(KINDS)}"
+    if graph not in GRAPHS or kind not in _KINDS:
+        known = f"known graphs are {', '.join(GRAPHS)}, known kinds {', '.join(_KINDS)}"
         raise ValueError(f"its graph is {graph!r} and its kind {kind!r}; {known}")
     expected = (_check_rgcn if kind == "rgcn" else _check_gatv2)(arrays, *GRAPHS[graph])
     if superfluous := sorted(set(arrays) - expected):
@@ -142,7 +142,7 @@ def _check_rgcn(arrays: Arrays, inputs: int, relations: int) -> set[str]:
     """The names of all arrays, after checking their shapes."""
     names, width = set(), inputs
     for k in range(max(layer_count(arrays, "layer"), 1)):
-        width = _checked_shape(arrays, f"layer{k}.weight", relations, width, ANY)[2]
+        width = _checked_shape(arrays, f"layer{k}.weight", relations, width, _ANY)[2]
         _checked_shape(arrays, f"layer{k}.bias", width)
         names |= {f"layer{k}.weight", f"layer{k}.bias"}
     _check_outputs("layer", width)
@@ -153,7 +153,7 @@ def _check_gatv2(arrays: Arrays, inputs: int, relations: int) -> set[str]:
     """The names of all arrays, after checking their shapes."""
     names, width = _check_dense(arrays, "encoder", inputs)
     for k in range(layer_count(arrays, "conv")):
-        heads = _checked_shape(arrays, f"conv{k}.attention", ANY, ANY)[0]
+        heads = _checked_shape(arrays, f"conv{k}.attention", _ANY, _ANY)[0]
         if width % heads:
             raise ValueError(f"conv{k}.attention has {heads} heads, which do not divide the width {width}")
         shapes = {"attention": (heads, width // heads), "relation": (relations, width), "bias": (width,)}
@@ -171,26 +171,26 @@ def _check_dense(arrays: Arrays, name: str, width: int) -> tuple[set[str], int]:
     """The names of the arrays of one or more dense layers, and the number of their outputs."""
     names = set()
     for k in range(max(layer_count(arrays, name), 1)):
-        width = _checked_shape(arrays, f"{name}{k}.weight", width, ANY)[1]
+        width = _checked_shape(arrays, f"{name}{k}.weight", width, _ANY)[1]
         _checked_shape(arrays, f"{name}{k}.bias", width)
         names |= {f"{name}{k}.weight", f"{name}{k}.bias"}
     return names, width
 
 
 def _checked_shape(arrays: Arrays, name: str, *expected: int) -> tuple[int, ...]:
-    """The shape of an array, which must be the expected one; `ANY` stands for 1 or more."""
+    """The shape of an array, which must be the expected one; `_ANY` stands for 1 or more."""
     if name not in arrays:
         raise ValueError(f"the array {name} is missing")
     shape = np.shape(arrays[name])
     fits = len(shape) == len(expected) and all(
-        actual == size or (size == ANY and actual > 0) for actual, size in zip(shape, expected, strict=True)
+        actual == size or (size == _ANY and actual > 0) for actual, size in zip(shape, expected, strict=True)
     )
     if not fits:
-        sizes = ", ".join("any" if size == ANY else str(size) for size in expected)
+        sizes = ", ".join("any" if size == _ANY else str(size) for size in expected)
         raise ValueError(f"{name} must have the shape ({sizes}), has {shape}")
     return shape
 
 
 def _check_outputs(name: str, width: int) -> None:
-    if width != OUTPUTS:
-        raise ValueError(f"the last {name} must have {OUTPUTS} outputs, has {width}")
+    if width != _OUTPUTS:
+        raise ValueError(f"the last {name} must have {_OUTPUTS} outputs, has {width}")

@@ -4,13 +4,13 @@ from .catalogue import (
     headline_metrics as headline_metrics,
     select_metrics as select_metrics,
 )
-from .comparison import Comparison as Comparison, evaluate as evaluate
-from .definition import DEFINITIONS_VERSION as DEFINITIONS_VERSION, Metric as Metric
+from .comparison import Comparison as Comparison
+from .definition import DEFINITIONS_VERSION as DEFINITIONS_VERSION, NEEDS as NEEDS, Metric as Metric, metric as metric
 from .disturbance import without_robot as without_robot
+from .evaluating import evaluate as evaluate
+from .evaluation import Evaluation as Evaluation, Measured as Measured
 from .interop import VARIANTS as VARIANTS
 from .measurement import (
-    Evaluation as Evaluation,
-    Measured as Measured,
     episode_files as episode_files,
     measure as measure,
     measure_files as measure_files,
@@ -18,6 +18,7 @@ from .measurement import (
 )
 from .summary import (
     Interval as Interval,
+    Share as Share,
     Summary as Summary,
     bootstrap_interval as bootstrap_interval,
     differences as differences,

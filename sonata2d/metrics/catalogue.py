@@ -1,4 +1,4 @@
-"""All metrics by name, and which of them an imported episode lacks the data for."""
+"""All metrics by name: built-in ones, plug-ins, and the variants of other projects."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Container, Iterable, Iterator
 
 from ..errors import MetricError, PluginWarning
-from ..record.record import EpisodeRecord
 from ..registry import METRICS as PLUGINS, did_you_mean
 from . import disturbance, driving, interactions, outcomes, paths, space
 from .definition import Metric
@@ -45,6 +44,7 @@ if PLUGINS.plugins:
     FAMILIES["Plug-ins"] = tuple(_plugin_metrics({"all", *_built_in}))
 METRICS: dict[str, Metric] = {metric.name: metric for family in FAMILIES.values() for metric in family}
 ALL: dict[str, Metric] = METRICS | {metric.name: metric for metric in VARIANTS}  # with other projects' variants
+NEEDING_RERUN = frozenset(name for name, metric in ALL.items() if "seed" in metric.needs)
 
 
 def select_metrics(names: Iterable[str]) -> tuple[Metric, ...]:
@@ -65,41 +65,21 @@ def headline_metrics() -> tuple[Metric, ...]:
     return tuple(metric for metric in METRICS.values() if metric.headline)
 
 
+def metric_named(name: str) -> Metric:
+    """The metric of a name.
+
+    Raises:
+        MetricError: no metric has this name.
+    """
+    if name not in ALL:
+        projects = {metric.name.partition(".")[0] for metric in VARIANTS}
+        hint = did_you_mean(name, [*ALL, *sorted(projects), "all"]) or "; docs/metrics.md lists them"
+        raise MetricError(f"no metric is named {name!r}{hint}")
+    return ALL[name]
+
+
 def _select(name: str) -> tuple[Metric, ...]:
     if name == "all":
         return tuple(METRICS.values())
-    found = tuple(metric for metric in ALL.values() if metric.name == name or metric.name.startswith(f"{name}."))
-    if found:
-        return found
-    projects = {metric.name.partition(".")[0] for metric in VARIANTS}
-    hint = did_you_mean(name, [*ALL, *sorted(projects), "all"]) or "; docs/metrics.md lists them"
-    raise MetricError(f"no metric is named {name!r}{hint}")
-
-
-_GOAL = ("success", "timeout", "time_to_goal", "spl", "stl", "shortest_length")
-_COLLISION = ("collisions", "human_collisions", "robot_on_person", "person_on_robot", "both_on_each_other")
-_CLEARANCE = ("human_clearance", "personal_space", "zone", "time_to_collision")
-
-# Names of the metrics, or their first letters, that need each piece of data that `imported.lacks` of a file can name.
-METRICS_REQUIRING: dict[str, tuple[str, ...]] = {
-    "robot": ("",),  # all metrics
-    "goal": _GOAL,
-    "goal.distance": _GOAL,
-    "outcome": ("timeout",),
-    "robot.limits": ("stl",),
-    "robot.radius": (
-        *_COLLISION, *_CLEARANCE, "success_strict", "object_collisions", "wall_collisions", "time_to_first_collision",
-        "obstacle_clearance", "shortest_length", "spl", "stl", "group_intrusion", "interaction_intrusion",
-    ),
-    "humans.radius": (*_COLLISION, *_CLEARANCE, "success_strict", "time_to_first_collision", "group_intrusion"),
-    "humans.desired_speed": ("human_speed_ratio",),
-    "humans.group": ("group_intrusion",),
-    "frames.interactions": ("interaction_intrusion",),
-}  # fmt: skip
-
-
-def is_measurable(metric: Metric, record: EpisodeRecord) -> bool:
-    """Whether an episode has the data that a metric needs; a variant needs what the metric of this package needs."""
-    lacks = (record.document.get("imported") or {}).get("lacks", ())
-    names = (metric.name, metric.variant_of or metric.name)
-    return not any(name.startswith(METRICS_REQUIRING.get(key, ())) for key in lacks for name in names)
+    variants = tuple(metric for metric in ALL.values() if metric.name.startswith(f"{name}."))
+    return variants or (metric_named(name),)

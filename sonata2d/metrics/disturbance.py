@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -16,15 +13,15 @@ from ..core.portable_math import Array, BoolArray
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..core.vectors import lengths
-from ..datasets.mirror import mirrored
+from ..datasets.transforms.mirror import mirrored
 from ..record.canonical import rounded
 from ..record.record import EpisodeRecord
 from ..sim.episode import Episode
 from ..version import PHYSICS_VERSION
-from .definition import OURS, Metric
+from .definition import metric
 from .trajectory import Trajectory
 
-FAR = 100.0  # m outside the room: where the robot stands, ignored, in the run without a robot
+_FAR = 100.0  # m outside the room: where the robot stands, ignored, in the run without a robot
 
 
 class _StandStill(Controller):
@@ -86,20 +83,24 @@ def _positions(snapshot: Snapshot) -> Array:
 
 
 def _walks(human: Human) -> bool:
-    """Whether a human walks to its own goals; a recorded one follows its track and never reacts to a robot."""
+    """Whether a human walks to goals; a recorded human follows its track and never reacts to a robot."""
     return human.behaviour in ("wandering", "walking")
 
 
 def _scene_without_robot(scene: Scene) -> Scene:
     """The scene with its robot far away and ignored, so that random streams are drawn as with the robot."""
     x, y = scene.outline.max(axis=0).tolist()
-    robot: Robot = replace(scene.robot, pose=Pose(x + FAR, y + FAR))
+    robot: Robot = replace(scene.robot, pose=Pose(x + _FAR, y + _FAR))
     humans = tuple(replace(human, reacts_to_robot=0.0) for human in scene.humans)
     return replace(scene, robot=robot, humans=humans, rules=replace(scene.rules, ends_on=()))
 
 
+@metric("share", "more", needs={"robot", "humans.desired_speed"})
 def human_speed_ratio(trajectory: Trajectory) -> float | None:
-    """Mean over states and walking humans of speed over desired speed; None without walking humans."""
+    """Mean over states and walking people of |v_person| / desired speed; not defined if nobody walks.
+
+    Source: HuNavSim, avg_pedestrian_velocity, over the desired speed.
+    """
     present = trajectory.present & _walkers(trajectory)
     if not present.any():
         return None
@@ -107,25 +108,34 @@ def human_speed_ratio(trajectory: Trajectory) -> float | None:
     return float((lengths(trajectory.human_velocity) / desired)[present].mean())
 
 
-def human_deviation(trajectory: Trajectory, reduce: Callable[[Array], Any]) -> float | None:
-    """Distance of walking humans from their positions without the robot, m; None if these are unknown.
+@metric("m", "less", needs={"robot", "seed"})
+def human_deviation_mean(trajectory: Trajectory) -> float | None:
+    """Mean over states and walking people of |q − q₀|, q₀ = position in a rerun of the seed without a robot.
 
-    Args:
-        reduce: combines the distances, (L, W) for W walking humans with NaN where absent, e.g. `np.nanmean`.
+    A person delayed by the robot may choose another destination, and so may others after them: read together with
+    human_slowing. Not defined without the rerun.
+
+    Source: the comparison is SACSoN's (Hirose et al., arXiv 2306.01874).
     """
-    if trajectory.undisturbed is None:
-        return None
-    walkers = _walkers(trajectory)
-    undisturbed = trajectory.undisturbed[: len(trajectory), walkers]
-    deviation = lengths(trajectory.human_position[:, walkers] - undisturbed)
-    return None if np.isnan(deviation).all() else float(reduce(deviation))
+    deviation = _deviation(trajectory)
+    return None if deviation is None else float(np.nanmean(deviation))
 
 
+@metric("m", "less", needs={"robot", "seed"})
+def human_deviation_max(trajectory: Trajectory) -> float | None:
+    """Max over states and walking people of |q − q₀|.
+
+    Source: as human_deviation_mean.
+    """
+    deviation = _deviation(trajectory)
+    return None if deviation is None else float(np.nanmax(deviation))
+
+
+@metric("m/s", "less", needs={"robot", "seed"}, headline=True)
 def human_slowing(trajectory: Trajectory) -> float | None:
-    """Mean speed that walking humans lose against the run without the robot, m/s; negative if they gain.
+    """Mean over walking people of (path length in the rerun without a robot − path length) / T.
 
-    Returns:
-        None if the run without the robot is unknown.
+    Negative if people walk farther than without the robot; not defined without the rerun.
     """
     if trajectory.undisturbed is None or trajectory.total_time == 0.0:
         return None
@@ -139,29 +149,19 @@ def human_slowing(trajectory: Trajectory) -> float | None:
     return float(lost) / float(np.where(both, trajectory.durations[:, None], 0.0).sum())
 
 
+def _deviation(trajectory: Trajectory) -> Array | None:
+    """(L, W), m, from the W walking humans to their positions without the robot, NaN where absent; None if unknown."""
+    if trajectory.undisturbed is None:
+        return None
+    walkers = _walkers(trajectory)
+    undisturbed = trajectory.undisturbed[: len(trajectory), walkers]
+    deviation = lengths(trajectory.human_position[:, walkers] - undisturbed)
+    return None if np.isnan(deviation).all() else deviation
+
+
 def _walkers(trajectory: Trajectory) -> BoolArray:
     """(N,), which humans walk."""
     return np.array([_walks(human) for human in trajectory.scene.humans], dtype=bool)
 
 
-METRICS = (
-    Metric(
-        "human_speed_ratio", "share", "more", "mean over states and walking people of |v_person| / desired speed",
-        "HuNavSim, avg_pedestrian_velocity, over the desired speed", human_speed_ratio,
-    ),
-    Metric(
-        "human_deviation_mean", "m", "less",
-        "mean over states and walking people of |q − q₀|, q₀ = position in a rerun of the seed without a robot. A"
-        " person delayed by the robot may choose another destination, and so may others after them: read together with"
-        " human_slowing",
-        "the comparison is SACSoN's (Hirose et al., arXiv 2306.01874)", partial(human_deviation, reduce=np.nanmean),
-    ),
-    Metric("human_deviation_max", "m", "less", "max over states and walking people of |q − q₀|",
-           "as human_deviation_mean", partial(human_deviation, reduce=np.nanmax)),
-    Metric(
-        "human_slowing", "m/s", "less",
-        "mean over walking people of (path length in the rerun without a robot − path length) / T", OURS, human_slowing,
-        headline=True,
-    ),
-)  # fmt: skip
-NEEDING_RERUN = frozenset(("human_deviation_mean", "human_deviation_max", "human_slowing"))
+METRICS = (human_speed_ratio, human_deviation_mean, human_deviation_max, human_slowing)

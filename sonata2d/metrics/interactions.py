@@ -10,20 +10,34 @@ import numpy as np
 from ..core.geometry import contact_times
 from ..core.portable_math import Array, BoolArray
 from ..core.proxemics import SOCIAL_DISTANCE
-from .definition import OURS, Metric
+from .definition import BODIES, metric
 from .trajectory import Trajectory
 
 
+@metric("s", "more", needs=BODIES, headline=True)
 def time_to_collision_min(trajectory: Trajectory) -> float | None:
-    """Smallest time to collision over states and humans, s; None if the robot is never on a collision course."""
+    """Min over states and people of the time until the outlines touch if both keep their velocities.
+
+    The person also keeps the heading. 0 if the outlines overlap; not defined if they never would touch. Of a person
+    that is a disc: (C·V − √D) / |V|², where C = q − p, V = v_robot − v_person, R = r_robot + r_person, D = (C·V)² −
+    |V|²(|C|² − R²), if C·V > 0 and D > 0.
+
+    Source: Francis et al., arXiv 2306.16740, table of metrics (TTC).
+    """
     relative_velocity = trajectory.velocity[:, None, :] - trajectory.human_velocity
     radii, body = trajectory.human_radius + trajectory.radius, (trajectory.human_direction, trajectory.human_shoulder)
     smallest = contact_times(trajectory.offset, relative_velocity, radii, *body).min(initial=np.inf)
     return float(smallest) if np.isfinite(smallest) else None
 
 
+@metric("share", "less", needs={"robot", "robot.radius", "humans.group"}, headline=True)
 def group_intrusion(trajectory: Trajectory) -> float | None:
-    """Fraction of the states in which the robot's outline is within a group; None without groups."""
+    """Fraction of states in which the robot's outline meets the convex hull of the centres of a group's members.
+
+    Only members within 3.6 m of each other count; not defined without groups.
+
+    Source: the o-space is A. Kendon's (Conducting Interaction, 1990), the hull sonata2d's.
+    """
     column = trajectory.human_column
     groups = [[column[m] for m in group.members] for group in trajectory.scene.groups if len(group.members) > 1]
     if not groups:
@@ -31,8 +45,12 @@ def group_intrusion(trajectory: Trajectory) -> float | None:
     return float(np.any([_within_group(trajectory, members) for members in groups], axis=0).mean())
 
 
+@metric("share", "less", needs={"robot", "robot.radius", "frames.interactions"}, headline=True)
 def interaction_intrusion(trajectory: Trajectory) -> float | None:
-    """Fraction of the states in which the robot's outline cuts the line of an interaction; None without any."""
+    """Fraction of states in which the robot's outline meets the line between the centres of an interacting pair.
+
+    The pair interacts in that state: two people, or a person and an object. Not defined without interactions.
+    """
     cut, is_defined = np.zeros(len(trajectory), dtype=bool), False
     for indices, start, end in _interaction_lines(trajectory):
         is_defined = True
@@ -98,25 +116,4 @@ def _in_triangle(points: Array, a: Array, b: Array, c: Array) -> BoolArray:
     return np.asarray((sides > 0.0).all(axis=0) | (sides < 0.0).all(axis=0))
 
 
-METRICS = (
-    Metric(
-        "time_to_collision_min", "s", "more",
-        "min over states and people of the time until the outlines touch if both keep their velocities and the person"
-        " the heading; 0 if they overlap; not defined if they never would touch. Of a person that is a disc: (C·V −"
-        " √D) / |V|², where C = q − p, V = v_robot − v_person, R = r_robot + r_person, D = (C·V)² − |V|²(|C|² − R²),"
-        " if C·V > 0 and D > 0",
-        "Francis et al., arXiv 2306.16740, table of metrics (TTC)", time_to_collision_min, headline=True,
-    ),
-    Metric(
-        "group_intrusion", "share", "less",
-        "fraction of states in which the robot's outline meets the convex hull of the centres of a group's members that"
-        " are within 3.6 m of each other; not defined without groups",
-        f"the o-space is A. Kendon's (Conducting Interaction, 1990), the hull {OURS}'s", group_intrusion, headline=True,
-    ),
-    Metric(
-        "interaction_intrusion", "share", "less",
-        "fraction of states in which the robot's outline meets the line between the centres of two that interact in"
-        " this state (person and person, person and object); not defined without interactions",
-        OURS, interaction_intrusion, headline=True,
-    ),
-)  # fmt: skip
+METRICS = (time_to_collision_min, group_intrusion, interaction_intrusion)

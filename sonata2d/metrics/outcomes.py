@@ -2,114 +2,147 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from ..core.vectors import lengths, wrap_angles
-from .definition import OURS, Metric
+from .definition import BODIES, GOAL, OBSTACLES, metric
 from .trajectory import Kind, Trajectory
 
-STILL_SPEED, STILL_TURN = 0.01, 0.02  # m/s, rad/s: the robot stands still below both (HuNavSim's thresholds)
+_STILL_SPEED, _STILL_TURN = 0.01, 0.02  # m/s, rad/s: the robot stands still below both (HuNavSim's thresholds)
 
-_FRANCIS = "Francis et al., arXiv 2306.16740, table of metrics"
+_ALL_OUTLINES = (*BODIES, *OBSTACLES)
 
 
+@metric("0/1", "more", needs=GOAL, headline=True)
 def success(trajectory: Trajectory) -> float:
-    """1 if the goal was reached in time, with or without collisions."""
+    """1 if |p − g| ≤ goal.distance and |wrap(θ − θ_g)| ≤ goal.angle in a state before the time limit, else 0.
+
+    Source: Francis et al., arXiv 2306.16740, table of metrics (S).
+    """
     return float(trajectory.goal_index is not None)
 
 
-def collisions(trajectory: Trajectory, kind: Kind | None = None) -> float:
-    """Number of collisions with outlines of a kind, or with all."""
-    return float(sum(kind in (None, collision.kind) for collision in trajectory.collisions))
+@metric("0/1", "more", needs={*GOAL, *_ALL_OUTLINES}, headline=True)
+def success_strict(trajectory: Trajectory) -> float:
+    """1 if success is 1 and there is no collision before the goal, else 0.
+
+    Source: Francis et al., arXiv 2306.16740, table of metrics (S), with collisions as failures.
+    """
+    return float(trajectory.goal_index is not None and not trajectory.collisions)
 
 
-def faulty_collisions(trajectory: Trajectory, *, robot: bool, other: bool) -> float:
-    """Number of collisions with humans in which the given parties closed the gap (a party not given may have, too)."""
-    return float(
-        sum(
-            c.kind == "human" and c.robot_at_fault >= robot and c.other_at_fault >= other for c in trajectory.collisions
-        )
-    )
+@metric("0/1", "less", needs={*GOAL, "outcome"})
+def timeout(trajectory: Trajectory) -> float:
+    """1 if the time limit is reached before the goal, else 0.
+
+    Source: Francis et al., arXiv 2306.16740, table of metrics (TO).
+    """
+    return float(trajectory.goal_index is None and trajectory.record.outcome.status == "timeout")
 
 
+@metric("count", "less", needs=_ALL_OUTLINES)
+def collisions(trajectory: Trajectory) -> float:
+    """Number of collisions.
+
+    One collision is a series of consecutive states in which the clearance to one outline is below contact_distance
+    (0.01 m).
+
+    Source: Francis et al., arXiv 2306.16740, table of metrics (C).
+    """
+    return float(len(trajectory.collisions))
+
+
+@metric("count", "less", needs=BODIES, headline=True)
+def human_collisions(trajectory: Trajectory) -> float:
+    """Number of collisions with people.
+
+    Source: Francis et al., arXiv 2306.16740, table of metrics (HC).
+    """
+    return _collisions_with(trajectory, "human")
+
+
+@metric("count", "less", needs={"robot", "robot.radius", "objects"}, headline=True)
+def object_collisions(trajectory: Trajectory) -> float:
+    """Number of collisions with furniture.
+
+    Source: SocNavGym, COLLISION_OBJECT.
+    """
+    return _collisions_with(trajectory, "object")
+
+
+@metric("count", "less", needs={"robot", "robot.radius", "walls"}, headline=True)
+def wall_collisions(trajectory: Trajectory) -> float:
+    """Number of collisions with walls, counted for each wall separately.
+
+    Source: Francis et al., arXiv 2306.16740, table of metrics (WC).
+    """
+    return _collisions_with(trajectory, "wall")
+
+
+@metric("count", "less", needs=BODIES, headline=True)
+def robot_on_person(trajectory: Trajectory) -> float:
+    """Number of collisions with people in which the robot's own velocity, as commanded, closed the gap (> 0.01 m/s).
+
+    Includes collisions in which both velocities did.
+
+    Source: the question is SEAN 2.0's (Tsoi et al., IEEE RA-L 7 (2022) 11047), the velocity test is sonata2d's.
+    """
+    return float(sum(c.kind == "human" and c.robot_at_fault for c in trajectory.collisions))
+
+
+@metric("count", "neither", needs=BODIES)
+def person_on_robot(trajectory: Trajectory) -> float:
+    """Number of collisions with people in which the person's velocity closed the gap.
+
+    Includes collisions in which both velocities did.
+
+    Source: as robot_on_person.
+    """
+    return float(sum(c.kind == "human" and c.other_at_fault for c in trajectory.collisions))
+
+
+@metric("count", "less", needs=BODIES)
+def both_on_each_other(trajectory: Trajectory) -> float:
+    """Number of collisions counted in both robot_on_person and person_on_robot.
+
+    Source: as robot_on_person.
+    """
+    return float(sum(c.kind == "human" and c.robot_at_fault and c.other_at_fault for c in trajectory.collisions))
+
+
+@metric("s", "more", needs=_ALL_OUTLINES)
 def time_to_first_collision(trajectory: Trajectory) -> float | None:
-    """Time from the start to the first collision, s; None without collisions."""
-    found = trajectory.collisions
-    return float(trajectory.time[found[0].first] - trajectory.time[0]) if found else None
+    """Time of the first state of the first collision; not defined without collisions."""
+    collisions = trajectory.collisions
+    return float(trajectory.time[collisions[0].first] - trajectory.time[0]) if collisions else None
 
 
+@metric("s", "less", needs=GOAL, headline=True)
+def time_to_goal(trajectory: Trajectory) -> float | None:
+    """T = time at which the goal is reached; not defined if it is not reached.
+
+    Source: Francis et al., arXiv 2306.16740, table of metrics (T).
+    """
+    return None if trajectory.goal_index is None else trajectory.total_time
+
+
+@metric("s", "less", needs={"robot"}, headline=True)
 def stalled_time(trajectory: Trajectory) -> float:
-    """Total duration of the ticks in which the robot neither moved nor turned, s."""
+    """Σ Δt over ticks with |Δp| < 0.01 m/s · Δt and |wrap(Δθ)| < 0.02 rad/s · Δt.
+
+    Source: Francis et al., arXiv 2306.16740, table of metrics (ST); thresholds of HuNavSim.
+    """
     steps, durations = lengths(trajectory.position[1:] - trajectory.position[:-1]), trajectory.durations
     turns = np.abs(wrap_angles(np.diff(trajectory.heading)))
-    return float(durations[(steps < STILL_SPEED * durations) & (turns < STILL_TURN * durations)].sum())
+    return float(durations[(steps < _STILL_SPEED * durations) & (turns < _STILL_TURN * durations)].sum())
+
+
+def _collisions_with(trajectory: Trajectory, kind: Kind) -> float:
+    """Number of collisions with outlines of a kind."""
+    return float(sum(collision.kind == kind for collision in trajectory.collisions))
 
 
 METRICS = (
-    Metric(
-        "success", "0/1", "more",
-        "1 if |p − g| ≤ goal.distance and |wrap(θ − θ_g)| ≤ goal.angle in a state before the time limit, else 0",
-        f"{_FRANCIS} (S)", success, headline=True,
-    ),
-    Metric(
-        "success_strict", "0/1", "more", "1 if success is 1 and there is no collision before the goal, else 0",
-        f"{_FRANCIS} (S), with collisions as failures",
-        lambda trajectory: success(trajectory) if not trajectory.collisions else 0.0, headline=True,
-    ),
-    Metric(
-        "timeout", "0/1", "less", "1 if the time limit is reached before the goal, else 0", f"{_FRANCIS} (TO)",
-        lambda trajectory: float(trajectory.goal_index is None and trajectory.record.outcome.status == "timeout"),
-    ),
-    Metric(
-        "collisions", "count", "less",
-        "number of collisions; one collision is a series of consecutive states in which the clearance to one outline is"
-        " below contact_distance (0.01 m)",
-        f"{_FRANCIS} (C)", collisions,
-    ),
-    Metric(
-        "human_collisions", "count", "less", "number of collisions with people", f"{_FRANCIS} (HC)",
-        partial(collisions, kind="human"), headline=True,
-    ),
-    Metric(
-        "object_collisions", "count", "less", "number of collisions with furniture", "SocNavGym, COLLISION_OBJECT",
-        partial(collisions, kind="object"), headline=True,
-    ),
-    Metric(
-        "wall_collisions", "count", "less", "number of collisions with walls, counted for each wall separately",
-        f"{_FRANCIS} (WC)", partial(collisions, kind="wall"), headline=True,
-    ),
-    Metric(
-        "robot_on_person", "count", "less",
-        "number of collisions with people in which the robot's own velocity, as commanded, closed the gap"
-        " (> 0.01 m/s); includes those in which both velocities did",
-        "the question is SEAN 2.0's (Tsoi et al., IEEE RA-L 7 (2022) 11047), the velocity test is sonata2d's",
-        partial(faulty_collisions, robot=True, other=False), headline=True,
-    ),
-    Metric(
-        "person_on_robot", "count", "neither",
-        "number of collisions with people in which the person's velocity closed the gap; includes those in which both"
-        " velocities did",
-        "as robot_on_person", partial(faulty_collisions, robot=False, other=True),
-    ),
-    Metric(
-        "both_on_each_other", "count", "less",
-        "number of collisions counted in both robot_on_person and person_on_robot", "as robot_on_person",
-        partial(faulty_collisions, robot=True, other=True),
-    ),
-    Metric(
-        "time_to_first_collision", "s", "more",
-        "time of the first state of the first collision; not defined without collisions", OURS, time_to_first_collision,
-    ),
-    Metric(
-        "time_to_goal", "s", "less", "T = time at which the goal is reached; not defined if it is not reached",
-        f"{_FRANCIS} (T)",
-        lambda trajectory: None if trajectory.goal_index is None else trajectory.total_time, headline=True,
-    ),
-    Metric(
-        "stalled_time", "s", "less",
-        "Σ Δt over ticks with |Δp| < 0.01 m/s · Δt and |wrap(Δθ)| < 0.02 rad/s · Δt",
-        f"{_FRANCIS} (ST); thresholds of HuNavSim", stalled_time, headline=True,
-    ),
+    success, success_strict, timeout, collisions, human_collisions, object_collisions, wall_collisions,
+    robot_on_person, person_on_robot, both_on_each_other, time_to_first_collision, time_to_goal, stalled_time,
 )  # fmt: skip

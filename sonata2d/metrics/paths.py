@@ -6,40 +6,123 @@ import numpy as np
 
 from ..core.portable_math import Array
 from ..core.vectors import lengths, wrap_angles
-from .definition import Metric
-from .outcomes import success
+from .definition import GOAL, OBSTACLES, metric
 from .trajectory import Trajectory
 
-_FRANCIS = "Francis et al., arXiv 2306.16740, table of metrics"
-_ANDERSON = "Anderson et al., arXiv 1807.06757"
+_SHORTEST_PATH = (*GOAL, *OBSTACLES)
 
 
-def path_length(trajectory: Trajectory) -> float:
+def path_length_of(trajectory: Trajectory) -> float:
     """Length of the path of the robot's centre, m."""
     return float(lengths(trajectory.position[1:] - trajectory.position[:-1]).sum())
 
 
+@metric("m", "less", needs={"robot"}, headline=True)
+def path_length(trajectory: Trajectory) -> float:
+    """PL = Σ |p(k+1) − p(k)|.
+
+    Source: Francis et al., arXiv 2306.16740, table of metrics (PL).
+    """
+    return path_length_of(trajectory)
+
+
+@metric("m", "neither", needs=_SHORTEST_PATH)
+def shortest_length(trajectory: Trajectory) -> float | None:
+    """L₀ = length of the robot's shortest path around walls and furniture, minus goal.distance, at least 0.
+
+    Not defined where no path exists.
+
+    Source: Anderson et al., arXiv 1807.06757.
+    """
+    return trajectory.shortest_path
+
+
+@metric("share", "more", needs=_SHORTEST_PATH, headline=True)
 def spl(trajectory: Trajectory) -> float | None:
-    """Success weighted by shortest over actual path length; None where no path exists."""
-    return _weighted_success(trajectory, trajectory.shortest_path, path_length(trajectory))
+    """S · L₀ / max(PL, L₀), where S is success; S if the robot starts within the goal.
+
+    Not defined where no path exists.
+
+    Source: Anderson et al., arXiv 1807.06757.
+    """
+    return _weighted_success(trajectory, trajectory.shortest_path, path_length_of(trajectory))
 
 
+@metric("share", "more", needs={*_SHORTEST_PATH, "robot.limits"})
 def stl(trajectory: Trajectory) -> float | None:
-    """Success weighted by shortest over actual time; None where no path exists."""
+    """S · T₀ / max(T, T₀), where T₀ = L₀ / limits.ahead.
+
+    Not defined where no path exists.
+
+    Source: SocNavGym, STL, with a T₀ that needs no second robot.
+    """
     path = trajectory.shortest_path
     shortest = None if path is None else path / trajectory.scene.robot.limits.ahead
     return _weighted_success(trajectory, shortest, trajectory.total_time)
 
 
+@metric("rad", "less", needs={"robot"}, headline=True)
 def cumulative_heading_change(trajectory: Trajectory) -> float:
-    """Sum of the absolute heading changes, rad."""
+    """Σ |wrap(θ(k+1) − θ(k))|.
+
+    Source: HuNavSim, cumulative_heading_changes.
+    """
     return float(np.abs(wrap_angles(np.diff(trajectory.heading))).sum())
 
 
+@metric("m/s", "neither", needs={"robot"})
 def speed_mean(trajectory: Trajectory) -> float | None:
-    """Path length over time, m/s; None for an episode of a single state."""
+    """PL / T; not defined for a single state.
+
+    Source: Francis et al., arXiv 2306.16740, table of metrics (V).
+    """
     time = trajectory.total_time
-    return path_length(trajectory) / time if time > 0.0 else None
+    return path_length_of(trajectory) / time if time > 0.0 else None
+
+
+@metric("m/s", "neither", needs={"robot"})
+def speed_max(trajectory: Trajectory) -> float:
+    """Max |v|.
+
+    Source: Francis et al., arXiv 2306.16740, table of metrics (V).
+    """
+    return float(lengths(trajectory.velocity).max())
+
+
+@metric("m/s²", "less", needs={"robot"})
+def acceleration_mean(trajectory: Trajectory) -> float | None:
+    """Mean |Δv / Δt|, of vectors in the world frame; not defined for a single state.
+
+    Source: Francis et al., arXiv 2306.16740, table of metrics (A).
+    """
+    return _mean(_acceleration(trajectory))
+
+
+@metric("m/s²", "less", needs={"robot"})
+def acceleration_max(trajectory: Trajectory) -> float | None:
+    """Max |Δv / Δt|; not defined for a single state.
+
+    Source: Francis et al., arXiv 2306.16740, table of metrics (A).
+    """
+    return _max(_acceleration(trajectory))
+
+
+@metric("m/s³", "less", needs={"robot"}, headline=True)
+def jerk_mean(trajectory: Trajectory) -> float | None:
+    """Mean |Δ(Δv / Δt) / Δt|, of vectors in the world frame; not defined for fewer than three states.
+
+    Source: Francis et al., arXiv 2306.16740, table of metrics (J).
+    """
+    return _mean(_jerk(trajectory))
+
+
+@metric("m/s³", "less", needs={"robot"})
+def jerk_max(trajectory: Trajectory) -> float | None:
+    """Max |Δ(Δv / Δt) / Δt|; not defined for fewer than three states.
+
+    Source: Francis et al., arXiv 2306.16740, table of metrics (J).
+    """
+    return _max(_jerk(trajectory))
 
 
 def _acceleration(trajectory: Trajectory) -> Array:
@@ -57,8 +140,9 @@ def _weighted_success(trajectory: Trajectory, shortest: float | None, actual: fl
     """Success times shortest / actual, where lengths or times are compared."""
     if shortest is None:
         return None
+    success = float(trajectory.goal_index is not None)
     # a robot that starts within the goal needs no path, and gets the full weight
-    return success(trajectory) * (shortest / max(actual, shortest) if shortest > 0.0 else 1.0)
+    return success * (shortest / max(actual, shortest) if shortest > 0.0 else 1.0)
 
 
 def _mean(vectors: Array) -> float | None:
@@ -72,36 +156,6 @@ def _max(vectors: Array) -> float | None:
 
 
 METRICS = (
-    Metric(
-        "path_length", "m", "less", "PL = Σ |p(k+1) − p(k)|", f"{_FRANCIS} (PL)", path_length, headline=True
-    ),
-    Metric(
-        "shortest_length", "m", "neither",
-        "L₀ = length of the robot's shortest path around walls and furniture, minus goal.distance, at least 0; not"
-        " defined where no path exists",
-        _ANDERSON, lambda trajectory: trajectory.shortest_path,
-    ),
-    Metric(
-        "spl", "share", "more", "S · L₀ / max(PL, L₀), where S is success; S if the robot starts within the goal",
-        _ANDERSON, spl, headline=True,
-    ),
-    Metric(
-        "stl", "share", "more", "S · T₀ / max(T, T₀), where T₀ = L₀ / limits.ahead",
-        "SocNavGym, STL, with a T₀ that needs no second robot", stl,
-    ),
-    Metric(
-        "cumulative_heading_change", "rad", "less", "Σ |wrap(θ(k+1) − θ(k))|", "HuNavSim, cumulative_heading_changes",
-        cumulative_heading_change, headline=True,
-    ),
-    Metric("speed_mean", "m/s", "neither", "PL / T", f"{_FRANCIS} (V)", speed_mean),
-    Metric("speed_max", "m/s", "neither", "max |v|", f"{_FRANCIS} (V)",
-           lambda trajectory: float(lengths(trajectory.velocity).max())),
-    Metric("acceleration_mean", "m/s²", "less", "mean |Δv / Δt|, of vectors in the world frame", f"{_FRANCIS} (A)",
-           lambda trajectory: _mean(_acceleration(trajectory))),
-    Metric("acceleration_max", "m/s²", "less", "max |Δv / Δt|", f"{_FRANCIS} (A)",
-           lambda trajectory: _max(_acceleration(trajectory))),
-    Metric("jerk_mean", "m/s³", "less", "mean |Δ(Δv / Δt) / Δt|, of vectors in the world frame", f"{_FRANCIS} (J)",
-           lambda trajectory: _mean(_jerk(trajectory)), headline=True),
-    Metric("jerk_max", "m/s³", "less", "max |Δ(Δv / Δt) / Δt|", f"{_FRANCIS} (J)",
-           lambda trajectory: _max(_jerk(trajectory))),
+    path_length, shortest_length, spl, stl, cumulative_heading_change, speed_mean, speed_max, acceleration_mean,
+    acceleration_max, jerk_mean, jerk_max,
 )  # fmt: skip

@@ -6,25 +6,25 @@ Hum.-Robot Interact. 14 (2025), arXiv 2306.16740, section on scenarios. The thre
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from ..agents.controllers.base import Controller
 from ..core.proxemics import SOCIAL_DISTANCE
-from ..core.scene import Scene
-from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot
 from ..errors import ConfigError
 from ..record.record import EpisodeRecord
+from ..record.recorder import EpisodeRecorder
 from ..registry import did_you_mean
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode, Renderer
 from .encounters import HEAD_ON_ANGLE, SAME_WAY_ANGLE, Encounter, Kind, Meeting, encounter
 
-MEETING_CLEARANCE = 2.0  # m, between outlines; a larger clearance is not a meeting
-SUDDEN_DISTANCE = 5.0  # m, between centres; a human first seen nearer than this was hidden by a corner
-MAX_CROSSING_DELAY = 4.0  # s, between the passages of robot and human where their paths cross
-CROWD_NEIGHBOURS, CROWD_DENSITY = 3, 0.1  # mean number of humans near the robot; humans per m²
+_MEETING_CLEARANCE = 2.0  # m, between outlines; a larger clearance is not a meeting
+_SUDDEN_DISTANCE = 5.0  # m, between centres; a human first seen nearer than this was hidden by a corner
+_MAX_CROSSING_DELAY = 4.0  # s, between the passages of robot and human where their paths cross
+_CROWD_NEIGHBOURS, _CROWD_DENSITY = 3, 0.1  # mean number of humans near the robot; humans per m²
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,18 +35,18 @@ class Verdict:
     description: str
 
 
-def judge(situation: str, episode: EpisodeRecord | Iterable[Snapshot]) -> Verdict:
+def judge(situation: str, record: EpisodeRecord) -> Verdict:
     """Decide whether a situation took place in an episode.
 
     Args:
         situation: a key of `SITUATIONS`.
-        episode: a recorded episode, or the snapshots of a live one.
+        record: the episode; of one that is run in memory, `EpisodeRecorder.record()`.
 
     Raises:
         ConfigError: the situation is unknown.
     """
     check_situation(situation)
-    return SITUATIONS[situation](encounter(episode))
+    return SITUATIONS[situation](encounter(record))
 
 
 def check_situation(situation: str) -> None:
@@ -82,77 +82,46 @@ def rehearse(
         ConfigError: the situation is unknown.
         SceneError: no scene of the scenario can be generated.
     """
-    collector = SnapshotCollector()
-    Episode(generate(config, seed, episode), controller, observers=[collector], renderer=renderer).run()
-    return judge(situation, collector.snapshots)
+    recorder = EpisodeRecorder()
+    Episode(generate(config, seed, episode), controller, observers=[recorder], renderer=renderer).run()
+    return judge(situation, recorder.record())
 
 
-class SnapshotCollector:
-    """Observer that keeps every snapshot of an episode, including the final one, in `snapshots`."""
-
-    def __init__(self) -> None:
-        self.snapshots: list[Snapshot] = []
-
-    def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
-        self.snapshots = []
-
-    def note(self, frame: Frame) -> None:
-        self.snapshots.append(frame.snapshot)
-
-    def close(self, last: Snapshot, outcome: Outcome) -> None:
-        self.snapshots.append(last)
-
-
-def _meeting_of_kind(description: str, kind: Kind) -> Callable[[Encounter], Verdict]:
-    """A situation that is a meeting of one kind, with robot and human in sight of each other from the start."""
-
-    def verdict(found: Encounter) -> Verdict:
-        return _first_match(
-            found,
-            description,
-            lambda m: m.kind == kind and m.clearance < MEETING_CLEARANCE and m.sight_distance is None,
-        )
-
-    return verdict
-
-
-def _intersection(found: Encounter) -> Verdict:
-    def crosses(m: Meeting) -> bool:
-        if m.crossing_delay is None or m.door_width is not None:  # paths through one doorway often cross
-            return False
-        is_near = m.crossing_delay < MAX_CROSSING_DELAY and m.clearance < MEETING_CLEARANCE
-        return is_near and SAME_WAY_ANGLE < m.angle < HEAD_ON_ANGLE
-
-    return _first_match(found, "crossed the robot's path", crosses)
-
-
-def _blind_corner(found: Encounter) -> Verdict:
-    def appears(m: Meeting) -> bool:
-        is_sudden = m.sight_distance is not None and m.sight_distance < SUDDEN_DISTANCE
-        return is_sudden and m.clearance < MEETING_CLEARANCE
-
-    return _first_match(found, "came into sight at a short distance", appears)
-
-
-def _narrow_doorway(found: Encounter) -> Verdict:
-    description = "came to a narrow doorway with the robot on the other side"
-    return _first_match(found, description, lambda m: m.door_width is not None)
-
-
-def _first_match(found: Encounter, description: str, matches: Callable[[Meeting], bool]) -> Verdict:
+def _first_match(description: str, matches: Callable[[Meeting], bool], encounter: Encounter) -> Verdict:
     """The verdict for situations in which one meeting decides."""
-    for m in found.meetings:
+    for m in encounter.meetings:
         if matches(m):
             sight = "" if m.sight_distance is None else f", first seen at {m.sight_distance:.1f} m"
             door = "" if m.door_width is None else f", doorway {m.door_width:.2f} m wide"
             nearest = f"nearest at {m.time:.1f} s, clearance {m.clearance:.2f} m on the {m.side}"
             return Verdict(True, f"person {m.person} {description}: {nearest}{sight}{door}")
-    nearest = "; ".join(f"person {m.person} {m.kind}, clearance {m.clearance:.1f} m" for m in found.meetings[:2])
+    nearest = "; ".join(f"person {m.person} {m.kind}, clearance {m.clearance:.1f} m" for m in encounter.meetings[:2])
     return Verdict(False, f"no person {description} ({nearest or 'there are no people'})")
 
 
-def _crossing_a_group(found: Encounter) -> Verdict:
-    for m in found.groups:
+def _is_in_sight(kind: Kind, meeting: Meeting) -> bool:
+    """Whether a meeting is of a kind, with robot and human in sight of each other from the start."""
+    return meeting.kind == kind and meeting.clearance < _MEETING_CLEARANCE and meeting.sight_distance is None
+
+
+def _crosses(meeting: Meeting) -> bool:
+    if meeting.crossing_delay is None or meeting.door_width is not None:  # paths through one doorway often cross
+        return False
+    is_near = meeting.crossing_delay < _MAX_CROSSING_DELAY and meeting.clearance < _MEETING_CLEARANCE
+    return is_near and SAME_WAY_ANGLE < meeting.angle < HEAD_ON_ANGLE
+
+
+def _appears(meeting: Meeting) -> bool:
+    is_sudden = meeting.sight_distance is not None and meeting.sight_distance < _SUDDEN_DISTANCE
+    return is_sudden and meeting.clearance < _MEETING_CLEARANCE
+
+
+def _passes_a_door(meeting: Meeting) -> bool:
+    return meeting.door_width is not None
+
+
+def _crossing_a_group(encounter: Encounter) -> Verdict:
+    for m in encounter.groups:
         if m.blocks_path and m.distance < m.radius + SOCIAL_DISTANCE / 2:
             path = "through" if m.distance < m.radius else "around"
             description = f"group {m.group} was on the straight path; the robot went {path} it at {m.distance:.2f} m"
@@ -160,27 +129,30 @@ def _crossing_a_group(found: Encounter) -> Verdict:
     return Verdict(False, "no group was on the robot's straight path and near the robot")
 
 
-def _joining_a_group(found: Encounter) -> Verdict:
-    for m in found.groups:
+def _joining_a_group(encounter: Encounter) -> Verdict:
+    for m in encounter.groups:
         if m.joined:
             return Verdict(True, f"the robot stands with group {m.group} at the end")
-    nearest = min((m.distance for m in found.groups), default=None)
+    nearest = min((m.distance for m in encounter.groups), default=None)
     description = "there is no group" if nearest is None else f"the robot stayed {nearest:.2f} m or more from groups"
     return Verdict(False, description)
 
 
-def _crowded_hall(found: Encounter) -> Verdict:
-    description = f"on average {found.neighbours:.1f} people near the robot, {found.density:.2f} per m² of the room"
-    return Verdict(found.neighbours >= CROWD_NEIGHBOURS and found.density >= CROWD_DENSITY, description)
+def _crowded_hall(encounter: Encounter) -> Verdict:
+    people, density = encounter.neighbours, encounter.density
+    description = f"on average {people:.1f} people near the robot, {density:.2f} per m² of the room"
+    return Verdict(people >= _CROWD_NEIGHBOURS and density >= _CROWD_DENSITY, description)
 
 
 SITUATIONS: dict[str, Callable[[Encounter], Verdict]] = {
-    "frontal-approach": _meeting_of_kind("came towards the robot", "head-on"),
-    "overtaking": _meeting_of_kind("was overtaken by the robot", "overtaking"),
-    "being-overtaken": _meeting_of_kind("overtook the robot", "overtaken"),
-    "intersection": _intersection,
-    "blind-corner": _blind_corner,
-    "narrow-doorway": _narrow_doorway,
+    "frontal-approach": partial(_first_match, "came towards the robot", partial(_is_in_sight, "head-on")),
+    "overtaking": partial(_first_match, "was overtaken by the robot", partial(_is_in_sight, "overtaking")),
+    "being-overtaken": partial(_first_match, "overtook the robot", partial(_is_in_sight, "overtaken")),
+    "intersection": partial(_first_match, "crossed the robot's path", _crosses),
+    "blind-corner": partial(_first_match, "came into sight at a short distance", _appears),
+    "narrow-doorway": partial(
+        _first_match, "came to a narrow doorway with the robot on the other side", _passes_a_door
+    ),
     "crossing-a-group": _crossing_a_group,
     "joining-a-group": _joining_a_group,
     "crowded-hall": _crowded_hall,

@@ -61,6 +61,24 @@ class Summary:
         return text if self.n == episodes else f"{text} (n={self.n})"
 
 
+@dataclass(frozen=True, slots=True)
+class Share:
+    """Number of episodes in which something happened, out of those in which the metric is defined."""
+
+    count: int
+    total: int
+
+    @property
+    def fraction(self) -> float:
+        """Of the episodes, 0 to 1."""
+        return self.count / self.total
+
+    @property
+    def interval(self) -> Interval:
+        """Wilson confidence interval of the fraction."""
+        return wilson_interval(self.count, self.total)
+
+
 def format_number(value: float) -> str:
     """Format with two or three significant digits; exact 0 and 1 without decimals."""
     if value in (0.0, 1.0) or abs(value) >= 100.0:
@@ -93,11 +111,11 @@ def differences(
         name: the metric.
         resamples, seed: of the bootstrap.
     """
-    found: list[float | None] = []
+    values: list[float | None] = []
     for scene in sorted(first.keys() & second.keys()):
         before, after = first[scene].get(name), second[scene].get(name)
-        found.append(None if before is None or after is None else after - before)
-    return summarise(found, resamples=resamples, seed=seed)
+        values.append(None if before is None or after is None else after - before)
+    return summarise(values, resamples=resamples, seed=seed)
 
 
 def bootstrap_interval(

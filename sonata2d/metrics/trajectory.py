@@ -52,6 +52,7 @@ class Trajectory:
         record: the episode.
         undisturbed: (T + 1, N, 2), m, positions of the humans at all states of the record when the same seed runs
             without a robot; None if unknown. See `disturbance.without_robot`.
+        is_whole: whether the states after the goal is reached are kept.
 
     >>> trajectory = Trajectory(read_episode("demo/000000.json"))
     >>> trajectory.clearance.shape == trajectory.time.shape
@@ -60,6 +61,7 @@ class Trajectory:
 
     record: EpisodeRecord
     undisturbed: Array | None = None
+    is_whole: bool = False
 
     @cached_property
     def scene(self) -> Scene:
@@ -68,8 +70,13 @@ class Trajectory:
 
     @cached_property
     def goal_index(self) -> int | None:
-        """Index of the first state in which the robot is at the goal, with an accepted heading; None if never."""
+        """Index of the first state in which the robot is at the goal, with an accepted heading; None if never.
+
+        None, too, for an imported episode whose source has no robot or no goal: their positions are placeholders.
+        """
         robot, goal = self.record.states.robot, self.scene.goal
+        if self.scene.unmeasured & {"robot", "goal"}:
+            return None
         if self.record.outcome.status == "goal":  # the outcome decides: recorded positions are rounded
             return len(robot) - 1
         at_goal = lengths(robot[:, :2] - goal.position) <= goal.distance
@@ -79,7 +86,8 @@ class Trajectory:
 
     def __len__(self) -> int:
         """L, one or more."""
-        return len(self.record.states.robot) if self.goal_index is None else self.goal_index + 1
+        last = None if self.is_whole else self.goal_index
+        return len(self.record.states.robot) if last is None else last + 1
 
     @cached_property
     def time(self) -> Array:
@@ -202,11 +210,11 @@ class Trajectory:
     @cached_property
     def collisions(self) -> list[Collision]:
         """The robot's collisions, ordered by their first state."""
-        return find_collisions(self)
+        return _find_collisions(self)
 
     @cached_property
     def shortest_path(self) -> float | None:
-        """Length of the robot's shortest path from its start to the edge of the goal, m; None if there is none.
+        """Length of the robot's shortest path from its start to the edge of the goal, m; None if no path exists.
 
         The path avoids walls and furniture at the robot's radius and ignores humans.
         """
@@ -218,7 +226,7 @@ class Trajectory:
         return max(length - goal.distance, 0.0) if np.isfinite(length) else None
 
 
-def find_collisions(trajectory: Trajectory) -> list[Collision]:
+def _find_collisions(trajectory: Trajectory) -> list[Collision]:
     """Join contacts at consecutive states into collisions.
 
     A state is in contact with an outline if the file records a contact, which is detected within a tick, or if the
@@ -232,8 +240,8 @@ def find_collisions(trajectory: Trajectory) -> list[Collision]:
     sources = (*_human_contacts(trajectory), *_barrier_contacts(trajectory), *_recorded_contacts(trajectory))
     for outline, index, fault in sources:
         contacts.setdefault(outline, {})[index] = fault
-    found = [collision for outline, faults in contacts.items() for collision in _join(outline, faults)]
-    return sorted(found, key=lambda collision: (collision.first, collision.kind, collision.id))
+    collisions = [collision for outline, faults in contacts.items() for collision in _join(outline, faults)]
+    return sorted(collisions, key=lambda collision: (collision.first, collision.kind, collision.id))
 
 
 def _recorded_contacts(trajectory: Trajectory) -> Iterator[tuple[Outline, int, Fault]]:

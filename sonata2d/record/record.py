@@ -12,15 +12,16 @@ from typing import Any, SupportsIndex, overload
 import numpy as np
 
 from ..core.devices import NETWORK_DEVICE, ROUND_TRIP, DeviceEvent
-from ..core.drawable import Drawable, Drawing
+from ..core.drawable import Drawable
 from ..core.geometry import Twist
-from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, Constant, Humans, X, Y, constant_of, frozen
+from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, Humans, X, Y, frozen
 from ..core.labels import LabelSpec
 from ..core.portable_math import Array, BoolArray, IntArray, unit_vector, unit_vectors
 from ..core.scene import Scene
 from ..core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot
 from ..core.wording import counted
 from ..errors import RecordError
+from ..view.drawing import Drawing, drawing_of
 from .counts import run_counts
 from .layout import (
     ROW_HEAD,
@@ -128,9 +129,6 @@ class EpisodeRecord(Drawable):
     @property
     def _end(self) -> str:
         return f"{float(self.states.time[-1]):g} s"
-
-    def _drawing(self) -> Drawing:
-        return Drawing(list(self.snapshots()), self.outcome.status, self.command.tolist(), self.labels)
 
     def _facts(self) -> dict[str, object]:
         return {
@@ -327,11 +325,13 @@ class EpisodeRecord(Drawable):
         state[:, OMEGA] = rows[:, ROW_OMEGA]
         state[present, BODY_X : BODY_Y + 1] = unit_vectors(rows[present, ROW_THETA])
         state[present, GAZE_X : GAZE_Y + 1] = unit_vectors(rows[present, ROW_HEAD])
-        return Humans(frozen(state), *self._constant, self.states.activity[t]).select(np.flatnonzero(present))
+        humans = self._scene.human_table.with_state(frozen(state), self.states.activity[t])
+        return humans.select(np.flatnonzero(present))
 
-    @cached_property
-    def _constant(self) -> Constant:
-        return constant_of(self._scene)
+
+@drawing_of.register
+def _(record: EpisodeRecord) -> Drawing:
+    return Drawing(list(record.snapshots()), record.outcome.status, record.command.tolist(), record.labels)
 
 
 @contextmanager

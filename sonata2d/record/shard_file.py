@@ -173,20 +173,6 @@ def _extents(shard: Path, version: str) -> Mapping[str, Extent]:
     return MappingProxyType(dict(_searched(shard)))
 
 
-def member_names(shard: Path) -> tuple[str, ...]:
-    """The names of the members of a tar file that its manifest lists, in their order.
-
-    Raises:
-        OSError: as for `extents`.
-    """
-    return _member_names(shard, _version(shard))
-
-
-@lru_cache(maxsize=_INDEXES)
-def _member_names(shard: Path, version: str) -> tuple[str, ...]:
-    return tuple(_extents(shard, version))
-
-
 def _searched(shard: Path) -> Iterator[tuple[str, Extent]]:
     """The whole members of a tar file, which may end abruptly."""
     with shard.open("rb") as file:

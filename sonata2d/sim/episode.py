@@ -11,7 +11,7 @@ from typing import Any
 from ..agents.controllers.base import Controller, External, Regenerate, Stop, recorded_path, require_controller
 from ..agents.pedestrians.crowd import Crowd
 from ..core.devices import DeviceEvent, ImageRequest
-from ..core.drawable import Drawable, Drawing
+from ..core.drawable import Drawable
 from ..core.files import interruption
 from ..core.geometry import Twist, quantised
 from ..core.scene import Scene
@@ -19,6 +19,7 @@ from ..core.snapshot import Contact, ControllerInfo, Frame, Observer, Outcome, S
 from ..core.wording import counted, described, shown, text_of
 from ..errors import ControllerError, Sonata2dError
 from ..registry import did_you_mean
+from ..view.drawing import Drawing, drawing_of
 from .world import World
 
 Renderer = Callable[[Snapshot, ImageRequest], Any]  # returns (H, W, 3) of uint8
@@ -107,19 +108,6 @@ class Episode(Drawable):
         state = "running" if self.outcome is None else self.outcome.status
         ticks = counted(len(self.past), "tick")
         return f"<Episode of {self.scene.title}: {type(self.controller).__name__}, {ticks}, {state}>"
-
-    def _drawing(self) -> Drawing:
-        again = Episode(self.scene, past=self.past)  # the snapshots of earlier ticks are not kept
-        snapshots = []
-        for _ in self.past:
-            snapshots.append(again.snapshot())
-            again.step()
-        commands = [(tick.command.vx, tick.command.vy, tick.command.omega) for tick in self.past]
-        labels = [
-            command if tick.label is None else tick.label for command, tick in zip(commands, self.past, strict=True)
-        ]
-        status = None if self.outcome is None else self.outcome.status
-        return Drawing([*snapshots, again.snapshot()], status, commands or None, labels or None)
 
     def _facts(self) -> dict[str, object]:
         ticks = len(self.past)
@@ -232,7 +220,7 @@ class Episode(Drawable):
             tick: number of ticks to replay, 0 to len(past).
             controller: drives from that tick on.
             observers: of the new episode, from its tick 0 on.
-            renderer: as for `Episode`; by default that of this episode.
+            renderer: as for `Episode`; by default the renderer of this episode.
 
         Raises:
             ValueError: the episode has not reached the tick.
@@ -361,6 +349,21 @@ class Episode(Drawable):
         self.outcome = outcome
         for observer in self.observers:
             observer.close(snapshot, outcome)
+
+
+@drawing_of.register
+def _(episode: Episode) -> Drawing:
+    again = Episode(episode.scene, past=episode.past)  # the snapshots of earlier ticks are not kept
+    snapshots = []
+    for _ in episode.past:
+        snapshots.append(again.snapshot())
+        again.step()
+    commands = [(tick.command.vx, tick.command.vy, tick.command.omega) for tick in episode.past]
+    labels = [
+        command if tick.label is None else tick.label for command, tick in zip(commands, episode.past, strict=True)
+    ]
+    status = None if episode.outcome is None else episode.outcome.status
+    return Drawing([*snapshots, again.snapshot()], status, commands or None, labels or None)
 
 
 def outcome_at(snapshot: Snapshot) -> Outcome | None:

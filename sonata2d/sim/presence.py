@@ -45,7 +45,7 @@ class Presence:
     def __init__(self, scene: Scene, bodies: list[pymunk.Body], is_absent: BoolArray) -> None:
         self._humans, self._bodies, self._scene = scene.humans, bodies, scene
         self._dt = scene.rules.dt
-        self._radius = np.array([*(human.shape.circumradius for human in scene.humans), scene.robot.radius])
+        self._radius = np.array([*scene.human_table.circumradius, scene.robot.radius])
         self._recorded = _recorded_rows(scene)
         self.has_recorded = bool(self._recorded)
         self._to_enter = [k for k, human in enumerate(scene.humans) if human.enters > 0]
@@ -80,12 +80,13 @@ class Presence:
                 updated.
 
         Returns:
-            Indices of the pedestrians that have entered, and of those that have left.
+            Indices of the pedestrians that have entered, and of the pedestrians that have left.
         """
-        if not (leaving or self._to_leave or self._to_enter):
+        if not (leaving or self._to_leave or self._to_enter):  # most ticks of most scenes
             return [], []
         left = [k for k in leaving if not self.is_absent[k]]
         left += [k for k in self._to_leave if not self.is_absent[k] and tick >= (self._humans[k].leaves or 0)]
+        # Pedestrians leave first, because they may make room for others that enter at the same place.
         for k in left:
             self._park(k)
         self._to_leave = [k for k in self._to_leave if k not in left]
@@ -98,6 +99,7 @@ class Presence:
     def _try_to_enter(self, k: int, tick: int, rows: Array) -> bool:
         """Place a pedestrian in the room if it is due and there is room; whether it was placed."""
         human = self._humans[k]
+        # A pedestrian that finds no room until it should have left never appears; tracks are followed in any case.
         is_late = human.leaves is not None and tick >= human.leaves
         if tick < human.enters or is_late or (human.behaviour != "recorded" and not self._party_has_room(k, rows)):
             return False

@@ -27,19 +27,16 @@ from ..core.humans import (
     GAZE_X,
     GAZE_Y,
     OMEGA,
-    Constant,
     activities_of_present,
-    constant_of,
     frozen,
-    initial_activities,
 )
-from ..core.scene import Scene
+from ..core.scene import Scene, initial_activities
 from ..core.snapshot import Contact, CrowdCommands, Snapshot
 from ..core.state import HUMAN_SIZE, ROBOT_SIZE, State
 from .kernel.chipmunk import EngineMemory
 from .kernel.rules import rules_of
 from .kernel.safety import FASTEST_PERSON, OTHER_AT_FAULT, ROBOT_AT_FAULT, Guard
-from .kernel.step import DRIVE_SIZE, MASS, ROBOT_MASS, Matter, advance, read_state
+from .kernel.step import DRIVE_SIZE, MASS, ROBOT_MASS, Buffers, advance, read_state
 from .presence import Presence
 
 OVERLAP_LEFT = 0.0  # fraction of an overlap after a substep; pymunk's 0.94 lets bodies that turn sink in too deep
@@ -69,11 +66,10 @@ class World:
         bodies.append(_body(scene.robot.pose.position, mass=ROBOT_MASS))
         space.add(*bodies, *torsos, pymunk.Circle(bodies[-1], scene.robot.radius))
         self._row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count)  # as `State.row`
-        self._constant = constant_of(scene)
-        self._engine = EngineMemory(space, bodies[-1], torsos, self._constant[2].copy())
-        self._matter = Matter(
+        self._engine = EngineMemory(space, bodies[-1], torsos, scene.human_table.shoulder.copy())
+        self._buffers = Buffers(
             engine=self._engine.engine,
-            guard=_guard(self._constant, len(scene.barriers)),
+            guard=_guard(scene),
             robot=self._row[:ROBOT_SIZE],
             humans=self._row[ROBOT_SIZE:].reshape(count, HUMAN_SIZE),
             posture=np.zeros((count, 3)),
@@ -85,8 +81,8 @@ class World:
             facing=np.zeros((count, 2)),
             gaze=np.zeros((count, 2)),
         )
-        self._packed = Packed(self._matter)
-        self._matter.robot[BODY_X], self._matter.robot[BODY_Y] = scene.robot.pose.direction
+        self._packed = Packed(self._buffers)
+        self._buffers.robot[BODY_X], self._buffers.robot[BODY_Y] = scene.robot.pose.direction
         for k, human in enumerate(scene.humans):
             self._face(k, human.pose.direction)
         self._last_contacts: tuple[bytes, tuple[Contact, ...]] = b"", ()
@@ -95,7 +91,7 @@ class World:
         self._substeps = rules.substeps
         self._read_bodies()
         self._check_order()
-        self._presence = Presence(scene, bodies[:-1], self._matter.is_absent)
+        self._presence = Presence(scene, bodies[:-1], self._buffers.is_absent)
         self._bodies = bodies
         self._seats: tuple[tuple[int, int], ...] = ()
         self._set_seats(_seats_at_start(scene))
@@ -113,7 +109,7 @@ class World:
         if not self._presence.all_present:
             absent = self._presence.absent_ids
             interactions = tuple(i for i in interactions if i.src not in absent and i.dst not in absent)
-            activity = activities_of_present(activity, self._constant[0], interactions)
+            activity = activities_of_present(activity, self.scene.human_table.id, interactions)
             is_present = frozen(~self._presence.is_absent)
         return Snapshot.of_state(
             self.tick,
@@ -122,7 +118,6 @@ class World:
             interactions,
             self._contacts(),
             events,
-            constant=self._constant,
         )
 
     def execute(self, command: Twist, crowd: CrowdCommands) -> None:
@@ -140,8 +135,8 @@ class World:
 
     def _move(self, twist: Twist, crowd: CrowdCommands, *, is_limited: bool) -> None:
         """Move the world by one tick."""
-        matter = self._matter
-        matter.facing[:], matter.gaze[:] = crowd.facing, crowd.gaze
+        buffers = self._buffers
+        buffers.facing[:], buffers.gaze[:] = crowd.facing, crowd.gaze
         if crowd.seats != self._seats:
             self._set_seats(crowd.seats)
         if self._presence.has_recorded:
@@ -149,8 +144,8 @@ class World:
         substeps = self._substeps
         interval = max(substeps // crowd.evaluations, 1) if crowd.refresh else substeps
         for first in range(0, substeps, interval):
-            acceleration = crowd.refresh(matter.engine.bodies) if crowd.refresh and first else crowd.acceleration
-            matter.acceleration[:] = acceleration
+            acceleration = crowd.refresh(buffers.engine.bodies) if crowd.refresh and first else crowd.acceleration
+            buffers.acceleration[:] = acceleration
             end = min(first + interval, substeps)
             advance(self._packed.argument, float(twist.vx), float(twist.vy), float(twist.omega), is_limited, first, end)
         self._activity, self._interactions = crowd.activity, crowd.interactions
@@ -160,7 +155,7 @@ class World:
 
     def _contacts(self) -> tuple[Contact, ...]:
         """Contacts of the last tick: humans, objects, walls, each by id."""
-        guard = self._matter.guard
+        guard = self._buffers.guard
         if not guard.counts[2]:
             return ()
         bits = guard.human_contact.tobytes() + guard.barrier_contact.tobytes()
@@ -169,7 +164,7 @@ class World:
         return self._last_contacts[1]
 
     def _build_contacts(self) -> tuple[Contact, ...]:
-        guard = self._matter.guard
+        guard = self._buffers.guard
         found: dict[tuple[Literal["human", "object", "wall"], int], int] = {}
         for k in np.flatnonzero(guard.human_contact).tolist():
             found["human", self.scene.humans[k].id] = int(guard.human_contact[k])
@@ -192,17 +187,17 @@ class World:
 
     def _update_presence(self, leaving: tuple[int, ...]) -> None:
         """Let pedestrians enter, at their initial headings, and leave."""
-        entered, left = self._presence.update(self.tick, leaving, self._matter.engine.bodies)
+        entered, left = self._presence.update(self.tick, leaving, self._buffers.engine.bodies)
         for k in entered:
             self._face(k, self.scene.humans[k].pose.direction)
-            self._matter.humans[k, OMEGA] = self._matter.posture[k] = 0.0
+            self._buffers.humans[k, OMEGA] = self._buffers.posture[k] = 0.0
         if entered or left:
             self._read_bodies()
 
     def _face(self, k: int, direction: Point) -> None:
         """Set heading and gaze of pedestrian k."""
-        humans = self._matter.humans
-        self._matter.guard.torso[k] = direction
+        humans = self._buffers.humans
+        self._buffers.guard.torso[k] = direction
         humans[k, BODY_X : BODY_Y + 1] = humans[k, GAZE_X : GAZE_Y + 1] = direction
 
     def _read_bodies(self) -> None:
@@ -212,18 +207,17 @@ class World:
     def _check_order(self) -> None:
         """Check that the engine lists bodies in the order of insertion, which all rows rely on."""
         placed = [*(h.pose.position for h in self.scene.humans), self.scene.robot.pose.position]
-        positions = [(x, y) for x, y, _, _ in self._matter.engine.bodies.tolist()]
+        positions = [(x, y) for x, y, _, _ in self._buffers.engine.bodies.tolist()]
         if positions != placed:
             raise RuntimeError(f"pymunk {pymunk.version} lists bodies in another order; install another version")
 
 
-def _guard(constant: Constant, barriers: int) -> Guard:
-    """The safety guard's arrays for the constant properties of the pedestrians, and a number of barriers."""
-    ids, radius, shoulder = constant
-    humans = len(ids)
+def _guard(scene: Scene) -> Guard:
+    """The safety guard's arrays for the humans and barriers of a scene."""
+    humans, barriers = len(scene.humans), len(scene.barriers)
     return Guard(
-        radius=radius.copy(),  # kernels take writeable arrays
-        shoulder=shoulder.copy(),
+        radius=scene.human_table.radius.copy(),  # kernels take writeable arrays
+        shoulder=scene.human_table.shoulder.copy(),
         torso=np.zeros((humans, 2)),
         human_contact=np.zeros(humans, dtype=np.int64),
         barrier_contact=np.zeros(barriers, dtype=np.int64),

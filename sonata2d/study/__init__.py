@@ -1,4 +1,4 @@
-"""Studies: what a participant reads, drives, answers and rates, from one file; independent of pygame and HTTP."""
+"""Studies of people who read, drive, answer and rate, described by one file; independent of HTTP."""
 
 import lazy_loader
 

@@ -2,28 +2,15 @@
 
 from __future__ import annotations
 
-import errno
-import logging
-import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import orjson
-
-from ..core.files.whole_file import sync_folder
-from ..core.geometry import quantised
+from ..collect.json_lines import append_line, read_lines
 from ..core.wording import shown
-from ..errors import RecordError
-from ..record.files import read_bytes
-from .config import Entry, QuestionConfig, ScaleConfig, name_of_entry
-from .load import spec_of
+from .questions import Entry
 
-logger = logging.getLogger(__name__)
-
-ANSWERS_VERSION = 1
-MAX_TEXT_ANSWER = 5000  # characters
-MAX_NUMBER = 2**53  # up to which JSON readers keep integers exact
+_VERSION = 1  # of the events
 
 
 def checked_answers(entries: Iterable[Entry], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -31,67 +18,28 @@ def checked_answers(entries: Iterable[Entry], values: Mapping[str, Any]) -> dict
 
     Args:
         entries: the questions.
-        values: answer by name of the question: a bool, the number of a class from 1, a fraction, a text or a number;
-            of tables the point by name of the item, from 1. A question that is not answered is left out, or None.
+        values: answers by name of the question, as `Entry.check` takes them. A question that is not answered is left
+            out, or has the answer None, "" or {}.
 
     Raises:
         ValueError: an answer is missing or does not fit; names the question.
     """
-    known = {name_of_entry(entry): entry for entry in entries}
+    by_name = {entry.name: entry for entry in entries}
     for name in values:
-        if name not in known:
+        if name not in by_name:
             raise ValueError(f"there is no question {shown(name)}")
     checked = {}
-    for name, entry in known.items():
+    for name, entry in by_name.items():
         value = values.get(name)
-        if value is None or value == "" or value == {}:
-            if entry.required:
-                raise ValueError(f"{name} is not answered")
-            continue
-        checked[name] = _checked_table(name, entry, value) if _is_table(entry) else _checked_value(name, entry, value)
+        if value not in (None, "", {}):
+            checked[name] = entry.check(value)
+        elif entry.required:
+            raise ValueError(f"{name} is not answered")
     return checked
 
 
-def _is_table(entry: Entry) -> bool:
-    return isinstance(entry, ScaleConfig) or entry.kind == "likert"
-
-
-def _checked_table(name: str, entry: Entry, value: Any) -> dict[str, int]:
-    definition = entry.definition if isinstance(entry, ScaleConfig) else entry
-    items, points = [item.name for item in definition.items or ()], definition.points
-    if not isinstance(value, Mapping):
-        raise ValueError(f"{name} is {shown(value)}; a number for each item is expected")
-    for item, point in value.items():
-        if item not in items:
-            raise ValueError(f"{name} has no item {shown(item)}")
-        if isinstance(point, bool) or not isinstance(point, int) or not 1 <= point <= points:
-            raise ValueError(f"{name}.{item} is {shown(point)}; a number from 1 to {points} is expected")
-    missing = [item for item in items if item not in value]
-    if missing and entry.required:
-        raise ValueError(f"{name}.{missing[0]} is not answered")
-    return {item: value[item] for item in items if item in value}
-
-
-def _checked_value(name: str, entry: Entry, value: Any) -> Any:
-    assert isinstance(entry, QuestionConfig)
-    if entry.kind == "number":
-        is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MAX_NUMBER
-        low, high = entry.minimum, entry.maximum
-        is_number = is_number and not (entry.integer and value != int(value))
-        if not is_number or (low is not None and value < low) or (high is not None and value > high):
-            limits = ("" if low is None else f" from {low:g}") + ("" if high is None else f" up to {high:g}")
-            number = "whole number" if entry.integer else "number"
-            raise ValueError(f"{name} is {shown(value)}; a {number}{limits} is expected")
-        return value if isinstance(value, int) else quantised(float(value))
-    if entry.kind == "text" and isinstance(value, str):
-        if len(value) > MAX_TEXT_ANSWER:
-            raise ValueError(f"{name} has {len(value)} characters; up to {MAX_TEXT_ANSWER} are stored")
-        return value.encode(errors="replace").decode()
-    return spec_of(entry, "").validate(value)
-
-
 class AnswerLog:
-    """A file of lines, each a JSON object, to which a line is added on each event; on return it is on the disk.
+    """The file of what a participant has done and answered, one event in each line.
 
     Args:
         path: of the file.
@@ -105,33 +53,16 @@ class AnswerLog:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.lines: list[dict[str, Any]] = _read_lines(path, repair=True) if path.exists() else []
+        self.lines = read_answers(path)
 
     def append(self, **facts: Any) -> None:
-        """Add an event.
+        """Add an event; on return it is on the disk.
 
         Raises:
             RecordError: the file cannot be written; the event can be added again.
         """
-        event = {"version": ANSWERS_VERSION} | facts
-        data = orjson.dumps(event, option=orjson.OPT_APPEND_NEWLINE)
-        try:
-            is_new = not self.path.exists()
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            with self.path.open("ab", buffering=0) as file:
-                size = file.tell()
-                try:
-                    if file.write(data) < len(data):
-                        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-                    os.fsync(file.fileno())
-                except OSError:
-                    file.truncate(size)  # a half line would spoil the next one
-                    raise
-            if is_new:
-                os.chmod(self.path, 0o600)
-                sync_folder(self.path.parent)
-        except OSError as error:
-            raise RecordError(f"{self.path} cannot be written: {error.strerror or error}") from error
+        event = {"version": _VERSION} | facts
+        append_line(self.path, event, mode=0o600)
         self.lines.append(event)
 
 
@@ -141,24 +72,4 @@ def read_answers(path: Path) -> list[dict[str, Any]]:
     Raises:
         RecordError: the file cannot be read, or a line is damaged.
     """
-    return _read_lines(path, repair=False) if path.exists() else []
-
-
-def _read_lines(path: Path, *, repair: bool) -> list[dict[str, Any]]:
-    *lines, tail = read_bytes(path).split(b"\n")
-    if tail and repair:  # a crash interrupted the write, so that it was not confirmed to anybody
-        logger.warning("%s: the last line is incomplete and is removed: %r", path, tail[:60])
-        with path.open("r+b") as file:
-            file.truncate(sum(len(line) + 1 for line in lines))
-    events = []
-    for number, line in enumerate(lines, 1):
-        try:
-            event = orjson.loads(line)
-            if not isinstance(event, dict) or not isinstance(event.get("version"), int):
-                raise ValueError("it is not an event")
-            if event["version"] > ANSWERS_VERSION:
-                raise ValueError(f"it was written by version {event['version']}; upgrade sonata2d")
-        except ValueError as error:
-            raise RecordError(f"{path}, line {number}: {error}; correct or remove that line") from error
-        events.append(event)
-    return events
+    return read_lines(path, _VERSION, dict, "an event") if path.exists() else []

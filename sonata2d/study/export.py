@@ -16,9 +16,9 @@ from .report import TABLES, results_of, table_of
 
 
 def export_study(out: str | Path, file: str | Path, *, personal: bool = False) -> Path:
-    """Write all that was collected to a ZIP file: runs, ratings, answers, study file and tables of results.
+    """Write runs, ratings, answers, study file and tables of results to a ZIP file.
 
-    Links are left out, so that nobody who gets the archive can take part as somebody else.
+    Links are left out, so that nobody can use the archive to take part as somebody else.
 
     Args:
         out: folder of the study; it may be served meanwhile.
@@ -30,7 +30,7 @@ def export_study(out: str | Path, file: str | Path, *, personal: bool = False) -
 
     Raises:
         ConfigError: the archive would be in the folder of the study.
-        RecordError: the folder is not that of a study, a file is damaged, or the archive cannot be written.
+        RecordError: the folder is not the folder of a study, a file is damaged, or the archive cannot be written.
     """
     out, file = Path(out), Path(file)
     read_state(out)
@@ -64,12 +64,12 @@ def temporary_export(out: Path) -> Path:
 
 
 def unfinished_exports(out: Path) -> list[Path]:
-    """Archives that a program left there when it was killed; they may hold personal answers."""
+    """Archives that remain after a program was killed during an export; they may hold personal answers."""
     return [*(out / STUDY).glob("export-*.zip"), *(out / STUDY).glob(".export-*.zip.partial")]
 
 
 def _files(out: Path, personal: bool) -> Iterator[Path]:
-    """The files of a study without links, locks, and runs that are being driven."""
+    """The files of a study, except links, locks, and runs that are being driven."""
     if (out / MANIFEST).exists():
         yield out / MANIFEST
         yield from (out / row["name"] for row in read_manifest(out)["files"])

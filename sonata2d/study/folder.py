@@ -1,7 +1,7 @@
 """The folder of a study: the collected runs, and in `study/` the study file, the participants and their answers.
 
-The runs are a data set like any other. `study/answers/` has one file for each participant; `study/personal/` has the
-personal answers, so that they can be kept elsewhere, or deleted, without touching anything else.
+The runs are a data set. `study/answers/` has one file for each participant; `study/personal/` has the personal answers,
+so that they can be moved or deleted separately.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from ..core.labels import LabelSpec
 from ..core.wording import counted, shown
 from ..errors import ConfigError, RecordError
 from ..record.files import read_bytes, safe_stem, sha256_of, write_atomically
-from .config import texts_in
-from .load import Study, spec_of
+from .load import Study
+from .texts import with_texts
 
 STUDY, ANSWERS, PERSONAL, RATED = "study", "answers", "personal", "rated"
 LOCK = "study.lock"
@@ -40,7 +40,7 @@ class StudyFolder:
     Attributes:
         out: folder of the runs.
         participants: ids of the participants, in the order of their arrival.
-        withdrawn: ids of those who have withdrawn; nothing of them is left.
+        withdrawn: ids of the participants who have withdrawn, and whose data are deleted.
 
     Raises:
         ConfigError: the folder belongs to a study with other steps, scenes or questions.
@@ -53,7 +53,7 @@ class StudyFolder:
         self.withdrawn: list[str] = []
         self._versions: list[str] = []
         state = self.out / STUDY / _STATE
-        structure = structure_of(study)
+        structure = _structure_of(study)
         require_collection_folder(self.out)
         try:
             self.out.mkdir(parents=True, exist_ok=True)
@@ -135,7 +135,7 @@ class StudyFolder:
             return id
 
     def answers_of(self, participant: str) -> Path:
-        """The file with what a participant has done and answered."""
+        """The file with the events and answers of a participant."""
         return self.out / STUDY / ANSWERS / f"{safe_stem(participant)}.jsonl"
 
     def personal_of(self, participant: str) -> Path:
@@ -149,13 +149,13 @@ class StudyFolder:
     def rating_spec(self, block: int, ratings: Iterable[Rating]) -> LabelSpec:
         """The question of a block of ratings in the first language, as files hold it.
 
-        It is that of the first rating: if the study corrects the wording later, the ratings still belong together.
+        The wording of the first rating counts: if the study corrects it later, the ratings still belong together.
 
         Args:
             block: number of the block.
-            ratings: those of its runs, of all participants.
+            ratings: the ratings of the block, of all participants.
         """
-        spec = spec_of(self.study.config.ratings[block].question, self.study.config.languages[0])
+        spec = self.study.config.ratings[block].question.label()
         for rating in ratings:
             other = rating.spec
             if (other.name, other.kind, len(other.classes)) == (spec.name, spec.kind, len(spec.classes)):
@@ -163,7 +163,7 @@ class StudyFolder:
         return spec
 
     def _copy_rated(self) -> None:
-        """Copy the recorded runs to be rated, so that the folder has all that the ratings are about."""
+        """Copy the recorded runs to be rated into the folder."""
         for k, files in enumerate(self.study.rated):
             folder = self.rated(k)
             try:
@@ -193,7 +193,7 @@ class StudyFolder:
 
 @contextmanager
 def opened_folder(out: str | Path, study: Study) -> Iterator[StudyFolder]:
-    """The folder of a study, which no other program uses meanwhile.
+    """The folder of a study, locked for other programs.
 
     Raises:
         RecordError: another program uses it.
@@ -205,10 +205,10 @@ def opened_folder(out: str | Path, study: Study) -> Iterator[StudyFolder]:
 
 @contextmanager
 def locked(out: str | Path) -> Iterator[None]:
-    """Hold the lock of a study, so that programs take turns.
+    """The lock of a study's folder, as a context manager.
 
     Raises:
-        RecordError: another program holds it, or the folder holds something else or cannot be written.
+        RecordError: another program holds the lock, or the folder holds something else or cannot be written.
     """
     require_collection_folder(Path(out))
     try:
@@ -223,7 +223,7 @@ def locked(out: str | Path) -> Iterator[None]:
 
 
 def require_outside(out: str | Path, path: str | Path) -> None:
-    """Require that a result is not stored in the folder of a study: it would outlive a participant's removal.
+    """Require a path outside the folder of a study, where the removal of a participant would leave data.
 
     Raises:
         ConfigError: the path is in the folder.
@@ -246,15 +246,9 @@ def _difference(a: Any, b: Any, keys: tuple[str, ...] = ()) -> str:
     return f"{place} was {shown(a)} and is {shown(b)}"
 
 
-def structure_of(study: Study) -> dict[str, Any]:
-    """What must not change while participants take part: the settings without their texts, and the scenarios."""
-    config = study.config.model_dump(mode="json")
-    for path, _ in texts_in(study.config):
-        *parents, last = path
-        place: Any = config
-        for key in parents:
-            place = place[key]
-        place[last] = ""
+def _structure_of(study: Study) -> dict[str, Any]:
+    """The part of a study that must not change once there are participants: settings without texts, and scenarios."""
+    config = with_texts(study.config, lambda text: "")
     for key in ("texts", "participants"):
         del config[key]
     for block in config["runs"]:
@@ -280,7 +274,7 @@ def read_state(out: str | Path) -> dict[str, Any]:
     """The structure and the participants of a study, and the hashes of the versions of its file.
 
     Raises:
-        RecordError: the folder is not that of a study.
+        RecordError: the folder is not the folder of a study.
     """
     state = Path(out) / STUDY / _STATE
     if not state.exists():

@@ -1,4 +1,4 @@
-"""The links by which people reach a study: tokens that cannot be guessed, and what each of them opens."""
+"""The links of a study: tokens that cannot be guessed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BYTES = 16  # of a token: 128 bits
 class Links:
     """The tokens of a study, stored in its folder, which only its owner can open.
 
-    A participant's token is stored as it is, because the researcher has to be able to send a link again. Whoever can
+    A participant's token is stored in clear, because the researcher must be able to send a link again. A person who can
     read the file can read the answers beside it, too.
 
     Args:
@@ -48,11 +48,11 @@ class Links:
         return self._by_digest.get(_digest(token))
 
     def is_researcher(self, token: str) -> bool:
-        """Whether it is the researcher's token; takes the same time for any other one."""
+        """Whether a token is the researcher's; takes the same time for each token."""
         return secrets.compare_digest(_digest(token), _digest(self.researcher))
 
     def is_open(self, token: str) -> bool:
-        """Whether it is the token of the open link."""
+        """Whether a token is the token of the open link."""
         return secrets.compare_digest(_digest(token), _digest(self.open))
 
     def add(self, participant: str) -> str:
@@ -67,7 +67,7 @@ class Links:
             return self._tokens[participant]
 
     def remove(self, participant: str) -> None:
-        """Let the link of a participant lead nowhere.
+        """Remove the link of a participant.
 
         Raises:
             RecordError: the file cannot be written.

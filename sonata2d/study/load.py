@@ -1,8 +1,7 @@
-"""Loading of study files: YAML, JSON or TOML. Errors name file, line, key and value."""
+"""Study files in YAML, JSON or TOML. Errors name file, line, key and value."""
 
 from __future__ import annotations
 
-import hashlib
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -22,9 +21,10 @@ from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.load import load_scenario, preset_names
 from ..scenegen.scenario.parse import line_of, parse_settings
 from ..scenegen.scenario.problems import problem_of
-from .config import LabelTexts, QuestionConfig, RatingConfig, StudyConfig, in_language
+from .config import LabelTexts, RatingConfig, StudyConfig
+from .questions import question_kind
 
-SCENES_PER_BLOCK = 10_000  # distance between the scene numbers of two blocks of runs
+_SCENES_PER_BLOCK = 10_000  # distance between the scene numbers of two blocks of runs
 _MAX_ATTEMPTS = 50  # consecutive scenes of a scenario that cannot be generated before it is an error
 
 T = TypeVar("T")
@@ -32,7 +32,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Study:
-    """A study with what its file refers to.
+    """A study file with the scenarios, recorded runs and tables that it names.
 
     Attributes:
         path: of the study file.
@@ -41,7 +41,7 @@ class Study:
         scenarios: scenario of each block of runs.
         practice: scenario of the practice; None without one.
         rated: the runs to be rated, of each block of ratings.
-        tables: the page's own words, by language and `section.key`.
+        tables: words of the page, by language and `section.key`.
     """
 
     path: Path
@@ -57,24 +57,24 @@ class Study:
     def scene_number(self, block: int, k: int) -> int:
         """Number of the k-th scene of a block of runs; scenes that cannot be generated are left out.
 
-        The scenes of block b are numbered from 10 000 b, and those of the practice from 10 000 times the number of
-        blocks, so that the number of a scene tells its block.
+        The scenes of block b are numbered from 10 000 b, and the scenes of the practice from 10 000 times the number of
+        blocks, so that the number of a scene identifies its block.
 
         Raises:
             SceneError: too many scenes in a row cannot be generated.
         """
         numbers = self._numbers.setdefault(block, [])
-        if k < len(numbers):  # without waiting for a scene that another participant needs
+        if k < len(numbers):  # without the lock, which another participant may hold for long
             return numbers[k]
         with self._lock:
             while len(numbers) <= k:
-                start = numbers[-1] + 1 if numbers else block * SCENES_PER_BLOCK
+                start = numbers[-1] + 1 if numbers else block * _SCENES_PER_BLOCK
                 numbers.append(self._next_number(block, start))
             return numbers[k]
 
     @property
     def number_of_scenes(self) -> int:
-        """Number of different scenes, those of the practice included."""
+        """Number of different scenes, including the practice."""
         return sum(self._scenes_of_blocks)
 
     @property
@@ -84,10 +84,10 @@ class Study:
         return [block.runs for block in self.config.runs] + ([practice.runs] if practice else [])
 
     def check_scenes(self, advance: Callable[[int], None] = lambda count: None) -> None:
-        """Generate each scene once, so that no participant meets one that cannot be generated.
+        """Generate each scene once, so that a scene that cannot be generated is replaced before a participant comes.
 
         Args:
-            advance: called with the number of scenes that were generated since the last call.
+            advance: called with 1 after each scene.
 
         Raises:
             SceneError: too many scenes in a row cannot be generated.
@@ -98,7 +98,7 @@ class Study:
                 advance(1)
 
     def warm_up(self) -> None:
-        """Compile or load what the simulation of each scenario needs, so that no participant waits for it.
+        """Compile or load the kernels that each scenario needs, so that no participant waits for them.
 
         Raises:
             SceneError: too many scenes in a row cannot be generated.
@@ -107,7 +107,7 @@ class Study:
             warm_up(generate(self.config_of(block), self.config.seed, self.scene_number(block, 0)))
 
     def config_of(self, block: int) -> ScenarioConfig:
-        """Scenario of a block of runs; the one after the last block is the practice."""
+        """Scenario of a block of runs; the block after the last one is the practice."""
         if block < len(self.scenarios):
             return self.scenarios[block]
         assert self.practice is not None
@@ -140,20 +140,18 @@ def load_study(path: str | Path) -> Study:
         keys, text = problem_of(settings, error)
         raise ConfigError(f"{path.name}{line_of(path, keys)}: {text}") from None
 
-    def resolved(keys: list[int | str], load: Callable[[], T]) -> T:
-        """What a setting refers to; errors name its place."""
+    def resolved(load: Callable[..., T], *arguments: Any, keys: list[int | str]) -> T:
+        """Load the file that a setting names; errors name the place of the setting."""
         try:
-            return load()
+            return load(*arguments)
         except (Sonata2dError, OSError, ValueError) as error:
             key = ".".join(map(str, keys))
             raise ConfigError(f"{path.name}{line_of(path, keys)}: {key}: {error}") from None
 
-    scenarios = tuple(
-        resolved(["runs", k, "scenario"], lambda block=block: _scenario(path, block.scenario))  # type: ignore[misc]
-        for k, block in enumerate(config.runs)
-    )
-    for k, (block, scenario) in enumerate(zip(config.runs, scenarios, strict=True)):
-        resolved(["runs", k, "label"], lambda b=block, s=scenario: _check_label(b.label, s.label, config))  # type: ignore[misc]
+    scenarios = []
+    for k, block in enumerate(config.runs):
+        scenarios.append(resolved(_scenario, path, block.scenario, keys=["runs", k, "scenario"]))
+        resolved(_check_label, block.label, scenarios[k].label, config, keys=["runs", k, "label"])
     longest = min((scenario.rules.time_limit for scenario in scenarios), default=config.minimum_length)
     if config.minimum_length > longest:
         raise ConfigError(
@@ -162,36 +160,15 @@ def load_study(path: str | Path) -> Study:
         )
     practice = None
     if config.practice is not None:
-        name = config.practice.scenario
-        practice = resolved(["practice", "scenario"], lambda: _scenario(path, name))
+        practice = resolved(_scenario, path, config.practice.scenario, keys=["practice", "scenario"])
     rated = tuple(
-        resolved(["ratings", k, "folder"], lambda block=block: _rated(path, block))  # type: ignore[misc]
-        for k, block in enumerate(config.ratings)
+        resolved(_rated, path, block, keys=["ratings", k, "folder"]) for k, block in enumerate(config.ratings)
     )
-    tables = {
-        language: resolved(
-            ["texts", language] if language in config.texts else ["languages"],
-            lambda language=language: _table(path, config, language),  # type: ignore[misc]
-        )
-        for language in config.languages
-    }
-    return Study(path, config, sha256_of(path), scenarios, practice, rated, tables)
-
-
-def spec_of(question: QuestionConfig, language: str) -> LabelSpec:
-    """The label that corresponds to a question of kind `yes_no`, `classes`, `slider` or `text`."""
-    settings: dict[str, Any] = {"kind": question.kind, "when": "run", "name": question.name}
-    settings["question"] = in_language(question.question, language)
-    if question.classes is not None:
-        settings["classes"] = tuple(in_language(name, language) for name in question.classes)
-    if question.ends is not None:
-        settings["ends"] = tuple(in_language(end, language) for end in question.ends)
-    return LabelSpec(**settings)
-
-
-def order_key(*parts: object) -> bytes:
-    """A key that sorts pseudo-randomly, and is the same on every machine."""
-    return hashlib.sha256("/".join(map(str, parts)).encode()).digest()
+    tables = {}
+    for language in config.languages:
+        place: list[int | str] = ["texts", language] if language in config.texts else ["languages"]
+        tables[language] = resolved(_table, path, config, language, keys=place)
+    return Study(path, config, sha256_of(path), tuple(scenarios), practice, rated, tables)
 
 
 def _scenario(path: Path, name: str) -> ScenarioConfig:
@@ -200,23 +177,25 @@ def _scenario(path: Path, name: str) -> ScenarioConfig:
 
 def _check_label(texts: LabelTexts, spec: LabelSpec, config: StudyConfig) -> None:
     """Require that translations fit the question that the scenario asks."""
-    if not spec.per_run and not spec.per_frame:
+    if spec.kind == "command":
         if texts != LabelTexts():
             raise ConfigError("the scenario asks no question (label.kind is 'command'); remove label")
         return
+    needed = question_kind(spec.kind).translated
+    for key, translations in (("classes", texts.classes), ("ends", texts.ends)):
+        if translations and key not in needed:
+            raise ConfigError(f"the scenario asks a question of kind {spec.kind}, which has no {key}; remove {key}")
+        for language in translations:
+            if language not in config.languages:
+                raise ConfigError(f"{language!r} is not among the languages of the study")
     for language, classes in texts.classes.items():
         if len(classes) != len(spec.classes):
             raise ConfigError(f"{len(classes)} classes in {language!r} for {len(spec.classes)} of the scenario")
-    if texts.ends and spec.kind != "slider":
-        raise ConfigError("the scenario asks no slider question; remove ends")
-    for language in (*texts.classes, *texts.ends):
-        if language not in config.languages:
-            raise ConfigError(f"{language!r} is not among the languages of the study")
     if len(config.languages) > 1:
-        needed = {"question": texts.question is not None}
-        needed |= {"classes": set(texts.classes) == set(config.languages)} if spec.classes else {}
-        needed |= {"ends": set(texts.ends) == set(config.languages)} if spec.kind == "slider" else {}
-        missing = [key for key, is_given in needed.items() if not is_given]
+        # The question is one text by language, which `StudyConfig` has checked; the others are lists by language.
+        has = {"question": texts.question is not None}
+        has |= {key: set(getattr(texts, key)) == set(config.languages) for key in ("classes", "ends")}
+        missing = [key for key in needed if not has[key]]
         if missing:
             raise ConfigError(f"the scenario asks its question in one language; give {', '.join(missing)} in each")
 
@@ -230,7 +209,7 @@ def _rated(path: Path, block: RatingConfig) -> tuple[Path, ...]:
 
 
 def _table(path: Path, config: StudyConfig, language: str) -> dict[str, str]:
-    """The page's own words in a language; English where a table has none."""
+    """The words of the page in a language; in English where the table lacks a word."""
     if language in config.texts:
         return table("en") | read_table(path.parent / config.texts[language])
     if language not in languages():

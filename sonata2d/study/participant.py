@@ -1,4 +1,4 @@
-"""What one participant has done and does next, without a window or a server."""
+"""The actions of a participant, without a server."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from ..collect.session import Session
 from ..record.record import EpisodeRecord
 from ..scenegen.scenario.config import ScenarioConfig
 from .answers import AnswerLog, checked_answers
-from .config import name_of_entry
 from .folder import StudyFolder
 from .plan import Step
 from .progress import Progress
@@ -27,10 +26,10 @@ _PRACTICE = "practice"  # why a run is not kept
 
 
 class Participant(Progress):
-    """Takes part in a study: goes from step to step, and continues where it stopped.
+    """A participant, who goes through a study step by step, and continues after an interruption.
 
-    The steps that are done follow from the participant's file of answers and from the kept runs, so nothing is lost or
-    repeated when the program ends at any moment.
+    The steps that are done follow from the participant's file of answers and from the kept runs, so that nothing is
+    lost or repeated if the program ends at any moment.
 
     Args:
         folder: of the study.
@@ -77,10 +76,10 @@ class Participant(Progress):
 
     @property
     def can_undo(self) -> bool:
-        """Whether the last kept run can be taken back: nothing but questions about it has been done since."""
+        """Whether the last kept run can be taken back; only questions about it may have been answered since."""
         return self._may_undo and self.study.config.undo and self.session is not None and self.session.can_undo
 
-    # What a participant does
+    # Actions
 
     def choose_language(self, language: str) -> None:
         """Use one of the languages of the study.
@@ -141,7 +140,7 @@ class Participant(Progress):
         present = self._require(step, "questions")
         answers = checked_answers(present.entries, values)
         personal = {
-            name_of_entry(entry)
+            entry.name
             for entry in present.entries
             if (present.is_personal if entry.personal is None else entry.personal)
         }
@@ -261,12 +260,13 @@ class Participant(Progress):
         """
         if self.rating is None or self.record is None:
             raise ValueError("there is no run to rate")
+        label = self.study.config.ratings[self.step.block].question.check(label)
         self.rating.rate(self.record, label, seconds=seconds, whole=whole)
         self.record, self._may_undo = None, False
         self.resume()
 
     def resume(self) -> None:
-        """Prepare what the present step needs: the runs to drive, or the run to rate."""
+        """Prepare the run to drive, or the run to rate, if the present step needs one."""
         step = self.step
         if self.has_declined:
             return
@@ -284,7 +284,7 @@ class Participant(Progress):
             self._kept = dict(self.session.kept_runs)
             self._leave_other_step()
         self._log_kept_runs()
-        step = self.step  # the kept runs are known only now
+        step = self.step  # again, because the session knows the kept runs
         if step.kind == "ratings":
             self._resume_rating(step)
         if step.kind == "thanks" and not self.has_finished:
@@ -294,7 +294,7 @@ class Participant(Progress):
             self.close()
 
     def close(self) -> None:
-        """End the program's part; the participant continues with the next one."""
+        """Close the files; another `Participant` of this id continues."""
         if self.session is not None:
             self.session.close()
             self.session = None
@@ -311,9 +311,10 @@ class Participant(Progress):
                 self._append(event="kept", step=step.id, file=file, block=step.block, scene=scene)
 
     def _leave_other_step(self) -> None:
-        """Put away a run that does not belong to the present step: a practice run that is done, or a discarded one.
+        """Discard an open run that does not belong to the present step: a finished practice run, or a discarded run.
 
-        There is one if the program ended, or the disk was full, between the event of a step and the end of its run.
+        Such a run is left if the program ended, or the disk was full, between the event of a step and the end of its
+        run.
         """
         if self.session is not None and self.is_driving and self.session.scene.episode != self._number_of(self.step):
             self.session.next(reason="belongs to another step")
@@ -340,23 +341,23 @@ class Participant(Progress):
             self.resume()
 
     def _schedule(self, kept: Mapping[int, str]) -> tuple[ScenarioConfig, int]:
-        """The scene of the next run; after the last one, that of the last one, which waits and is never driven."""
+        """The scene of the next run; after the last run, its scene again, which is not driven."""
         self._kept = dict(kept)
         runs = [step for step in self.steps if step.kind in ("run", _PRACTICE)]
         step = next((step for step in runs if not self._is_done(step)), runs[-1])
         return self.study.config_of(step.block), self._number_of(step)
 
     def _require(self, step: str, kind: str) -> Step:
-        """The present step, if it is the expected one: a click may arrive twice, or from an older page."""
+        """The present step, if it is the expected one; a click may arrive twice, or from an outdated page."""
         present = self.step
         if present.id != step or present.kind != kind or (self.has_declined and kind != "consent"):
             raise ValueError(f"the present step is {present.id}, not {step}")
         return present
 
     def _require_room(self) -> None:
-        """Limit what can be repeated for ever: each time writes a line, or a file."""
+        """Limit the number of events, because some actions can be repeated for ever."""
         if len(self._log.lines) >= _MAX_EVENTS:
-            raise ValueError(f"the participant has done {_MAX_EVENTS} things, which is the limit")
+            raise ValueError(f"the participant has reached the limit of {_MAX_EVENTS} events")
 
     def _driving(self, *kinds: str) -> Session:
         if self.session is None or self.step.kind not in kinds or self.has_declined:

@@ -1,17 +1,17 @@
-"""What a participant does, step by step, and in which order the runs come."""
+"""The steps of a participant, and the order of the runs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import hashlib
 from dataclasses import dataclass
 from typing import Literal
 
-from .config import QuestionConfig, ScaleConfig, StudyConfig
-from .load import order_key
-from .scales import Text
+from .config import StudyConfig
+from .questions import Entry
+from .texts import Text
 
 PRACTICE_TEXT = "practice-text"  # id of the page before the practice
-StepKind = Literal["page", "consent", "questions", "practice", "run", "ratings", "thanks"]
+_StepKind = Literal["page", "consent", "questions", "practice", "run", "ratings", "thanks"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class Step:
 
     Attributes:
         id: unique in the study, such as `page-1`.
-        kind: what the participant does.
+        kind: activity of the participant.
         title, text: of a page.
         statements: of the consent.
         entries: questions.
@@ -31,11 +31,11 @@ class Step:
     """
 
     id: str
-    kind: StepKind
+    kind: _StepKind
     title: Text = ""
     text: Text = ""
     statements: tuple[Text, ...] = ()
-    entries: tuple[QuestionConfig | ScaleConfig, ...] = ()
+    entries: tuple[Entry, ...] = ()
     run: int | None = None
     block: int = 0
     scene: int = 0
@@ -110,9 +110,10 @@ def run_order(config: StudyConfig, index: int) -> list[tuple[int, int]]:
 def latin_square_row(n: int, index: int) -> list[int]:
     """A row of a Latin square in which each condition follows each other one equally often.
 
-    For an odd number of conditions, this needs two squares, the second with reversed rows: Williams, Experimental
-    Designs Balanced for the Estimation of Residual Effects of Treatments, Australian Journal of Scientific Research
-    A 2, 1949.
+    For an odd number of conditions, this needs two squares, the second with reversed rows.
+
+    Source: Williams, Experimental Designs Balanced for the Estimation of Residual Effects of Treatments, Australian
+    Journal of Scientific Research A 2, 1949.
 
     Args:
         n: number of conditions.
@@ -126,7 +127,6 @@ def latin_square_row(n: int, index: int) -> list[int]:
     return row[::-1] if n % 2 and index % (2 * n) >= n else row
 
 
-def shuffled(entry: ScaleConfig, seed: int, index: int) -> Sequence[str]:
-    """Names of the items of a questionnaire in the order in which a participant sees them."""
-    names = [item.name for item in entry.definition.items]
-    return sorted(names, key=lambda name: order_key(seed, "items", index, name)) if entry.shuffle else names
+def order_key(*parts: object) -> bytes:
+    """A key that sorts pseudo-randomly, and is the same on every machine."""
+    return hashlib.sha256("/".join(map(str, parts)).encode()).digest()

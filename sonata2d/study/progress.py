@@ -1,4 +1,4 @@
-"""What one participant has done, and what comes next."""
+"""The progress of a participant: the steps that are done, and the present one."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Progress:
         index: number of the participant.
         steps: all steps, in their order.
         language: of the participant.
-        has_chosen_language: whether it is not just the first one of the study.
+        has_chosen_language: whether the language was chosen, rather than the first one of the study.
         has_declined: whether the participant did not consent.
         has_finished: whether the end of the study is stored.
         last_event: time of the last event, ISO 8601; empty before the first.
@@ -46,7 +46,7 @@ class Progress:
         self._logged: set[str] = set()  # files of kept runs that have an event
         self._skipped: set[str] = set()
         self._asked: dict[str, str] = {}  # file of the run that the questions of a step were answered about
-        self._replaced: dict[str, int] = {}  # scenes that replace those of runs, within their blocks
+        self._replaced: dict[str, int] = {}  # scenes within their blocks that replace the scenes of runs, by step
         for event in events:
             self._apply(event)
 
@@ -57,17 +57,17 @@ class Progress:
 
     @property
     def progress(self) -> tuple[int, int]:
-        """Number of steps that are done, and of all steps but the last, which is a page of thanks."""
+        """Number of steps that are done, and of all steps except the last, which is a page of thanks."""
         return sum(self._is_done(step) for step in self.steps[:-1]), len(self.steps) - 1
 
     @property
     def runs(self) -> tuple[int, int]:
-        """Number of runs that are kept, and that are asked for."""
+        """Number of kept runs, and of all runs."""
         return sum(self._is_done(step) for step in self._runs.values()), len(self._runs)
 
     @property
     def is_finished(self) -> bool:
-        """Whether all is done, or the participant did not consent."""
+        """Whether all steps are done, or the participant did not consent."""
         return self.has_declined or self.step.kind == "thanks"
 
     def _number_of(self, step: Step) -> int:
@@ -92,20 +92,24 @@ class Progress:
         return step.id in self._done
 
     def _apply(self, event: Mapping[str, Any]) -> None:
+        """Apply an event of the file of answers; other kinds of events, such as `begun`, change nothing."""
         kind, step = event["event"], event.get("step", "")
         self.last_event = event["time"]
         if kind == "language":
             self.language, self.has_chosen_language = event["language"], True
+        # Answers about a run count for its file: a run that is driven again is asked about again.
         elif kind == "answers" and event.get("file") is not None:
             self._asked[step] = event["file"]
         elif kind in ("done", "answers", "consented"):
             self._done.add(step)
+        # The manifest says which runs are kept; the event is stored once for each file.
         elif kind == "kept":
             self._logged.add(event["file"])
         elif kind == "skipped":
             self._skipped.add(step)
         elif kind == "replaced":
             self._replaced[step] = event["scene"]
+        # A run that is taken back makes a finished study unfinished.
         elif kind in ("finished", "undone"):
             self.has_finished = kind == "finished"
         if kind in ("declined", "reconsidered", "consented"):
@@ -113,10 +117,10 @@ class Progress:
 
 
 def progress_of_all(folder: StudyFolder) -> tuple[dict[str, Progress], list[str]]:
-    """How far each participant is, by id, read from the files of the study; nothing is opened for writing.
+    """The progress of all participants, read from the files of the study; nothing is opened for writing.
 
     Returns:
-        Those whose files can be read, and the problems of the others.
+        The progress by id, and the error messages of the participants whose files cannot be read.
 
     Raises:
         RecordError: the manifest is damaged.

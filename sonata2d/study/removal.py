@@ -17,12 +17,11 @@ from .links import Links
 def remove_participant(out: str | Path, id: str) -> list[Path]:
     """Delete the runs, ratings and answers of a participant, and the link.
 
-    The id stays in the list of participants, because the orders of the others follow from it. Metrics that were stored
-    in the folder are deleted, as they name the runs; `sonata2d evaluate` computes them again. What was exported before
-    is not changed.
+    The id stays in the list of participants, because the orders of the others follow from it. Stored metrics are
+    deleted, because they name the runs; `sonata2d evaluate` computes them again. Earlier exports are not changed.
 
     Args:
-        out: folder of the study, which no other program uses.
+        out: folder of the study.
         id: of the participant.
 
     Returns:
@@ -30,7 +29,7 @@ def remove_participant(out: str | Path, id: str) -> list[Path]:
 
     Raises:
         ConfigError: the study has no such participant.
-        RecordError: the folder is not that of a study, another program uses it, or a file cannot be deleted.
+        RecordError: the folder is not the folder of a study, another program uses it, or a file cannot be deleted.
     """
     out = Path(out)
     state = read_state(out)

@@ -18,6 +18,7 @@ from ..record.files import read_bytes, safe_stem, write_atomically
 from ..record.reader import read_episode
 from .answers import read_answers
 from .folder import ANSWERS, PERSONAL, RATED, STUDY, read_state, require_outside
+from .questions import Likert, question_kind
 from .scales import Item, scale_named
 
 Row = dict[str, Any]
@@ -43,9 +44,9 @@ TABLES = {  # meaning of each column
         "file": "name of the episode file",
         "outcome": "as in the episode file",
         "seconds": "duration of the run in simulated time, s",
-        "attempts": "runs that were begun for this step: the kept one, and those that were discarded or driven again",
-        "dropped_ticks": "ticks of real time that were not simulated, because the page or the window was too slow",
-        "round_trip_median": "median of the round trip between page and server, s; empty in the window",
+        "attempts": "runs that were begun for this step: the kept one, and runs that were discarded or driven again",
+        "dropped_ticks": "ticks of real time that were not simulated, because the page was too slow",
+        "round_trip_median": "median of the round trip between page and server, s",
         "round_trip_95": "its 95th percentile, s",
         "label": "answer to the scenario's question about the run: 1 for yes and 0 for no; number of the class, from 1;"
         " fraction from 0 to 1 of a slider; text",
@@ -98,7 +99,7 @@ def save_results(out: str | Path, folder: str | Path, *, personal: bool = False)
 
     Raises:
         ConfigError: the tables would be in the folder of the study.
-        RecordError: the folder is not that of a study, a file is damaged, or a table cannot be written.
+        RecordError: the folder is not the folder of a study, a file is damaged, or a table cannot be written.
     """
     counts, tables = {}, results_of(out, personal=personal)
     require_outside(out, folder)
@@ -251,18 +252,15 @@ def _answer_rows(id: str, events: list[Row], kept: set[str]) -> list[Row]:
 def _score_rows(answers: Iterable[Row], config: Mapping[str, Any]) -> list[Row]:
     """The mean of each part of each table of statements that was answered."""
     tables = {
-        (section, entry["name"] or entry["scale"]): entry
-        for section in ("demographics", "after_run", "end")
-        for entry in config[section]
-        if "scale" in entry or entry["kind"] == "likert"
+        (section, entry["name"]): entry for section in ("demographics", "after_run", "end") for entry in config[section]
     }
-    given: dict[tuple[Any, ...], dict[str, int]] = {}
+    points_of: dict[tuple[Any, ...], dict[str, int]] = {}  # by row of the table, for each answered table
     for row in answers:
         if row["item"]:
             key = tuple(row[column] for column in ("participant", "step", "file", "question"))
-            given.setdefault(key, {})[row["item"]] = row["value"]
+            points_of.setdefault(key, {})[row["item"]] = row["value"]
     rows = []
-    for (participant, step, file, question), values in given.items():
+    for (participant, step, file, question), values in points_of.items():
         section = "after_run" if step.startswith("after-run-") else step
         points, items = _items_of(tables[section, question])
         for part in dict.fromkeys(item.subscale for item in items):
@@ -275,11 +273,13 @@ def _score_rows(answers: Iterable[Row], config: Mapping[str, Any]) -> list[Row]:
 
 
 def _items_of(entry: Mapping[str, Any]) -> tuple[int, Sequence[Item]]:
-    """Number of points, and items, of a table."""
+    """Number of points, and items, of a table; no items for questions without scores."""
     if "scale" in entry:
         scale = scale_named(entry["scale"]).part(entry["subscales"])
         return scale.points, scale.items
-    return entry["points"], [Item.model_construct(**item) for item in entry["items"]]  # the structure has no texts
+    if issubclass(question_kind(entry["kind"]), Likert):
+        return entry["points"], [Item.model_construct(**item) for item in entry["items"]]  # the structure has no texts
+    return 0, ()
 
 
 def _rating_rows(out: Path) -> dict[str, list[Row]]:

@@ -6,37 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import ClassVar, Self
 
-from pydantic import BeforeValidator, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import model_validator
 
 from ..scenegen.scenario.base import Settings
 from ..scenegen.scenario.parse import parse_settings
+from .texts import Text, problem
 
 _FOLDER = Path(__file__).with_name("scales")
 _FRAME = ("question", "first", "last")  # texts of a scale besides its items
-
-
-def _as_written(value: Any) -> Any:
-    """Refuse texts that YAML has read as something else.
-
-    The rest of a text that YAML has cut at a comma is a key without a value.
-    """
-    for text in value.values() if isinstance(value, dict) else [value]:
-        if isinstance(text, bool):
-            raise PydanticCustomError("text", "yes, no, on, off, true and false are texts in quotes only")
-        if isinstance(text, int | float):
-            raise PydanticCustomError("text", "a number is a text in quotes only")
-    if isinstance(value, dict) and None in value.values():
-        name = next(name for name, text in value.items() if text is None)
-        hint = "has no text; a text with a comma needs quotes within braces"
-        raise PydanticCustomError("text", "{name} {hint}", {"name": repr(name), "hint": hint})
-    return value
-
-
-Text = Annotated[str | dict[str, str], BeforeValidator(_as_written)]
-"""A text in one language, or by language."""
 
 
 class Item(Settings):
@@ -44,7 +23,7 @@ class Item(Settings):
 
     Attributes:
         name: key of the answer.
-        text: the statement; empty for a pair of opposites.
+        text: the statement; none for a pair of opposites.
         ends: the opposites.
         reversed: whether agreement means the opposite of what the table measures; stored values are not changed.
         subscale: part of the questionnaire that the item belongs to.
@@ -53,7 +32,7 @@ class Item(Settings):
     translated: ClassVar[tuple[str, ...]] = ("text", "ends")
 
     name: str
-    text: Text = ""
+    text: Text | None = None
     ends: tuple[Text, Text] | None = None
     reversed: bool = False
     subscale: str = ""
@@ -61,9 +40,9 @@ class Item(Settings):
     @model_validator(mode="after")
     def _check(self) -> Self:
         if not self.name:
-            raise PydanticCustomError("item", "an item needs a name")
+            raise problem("an item needs a name", "name")
         if not self.text and self.ends is None:
-            raise PydanticCustomError("item", "an item needs a text, or the two ends of a pair of opposites")
+            raise problem("an item needs a text, or the two ends of a pair of opposites")
         return self
 
 
@@ -95,11 +74,11 @@ class Scale:
         return tuple(dict.fromkeys(item.subscale for item in self.items))
 
     def part(self, subscales: Sequence[str]) -> Scale:
-        """The questionnaire with some of its parts only; without names, all of it."""
+        """The questionnaire reduced to some of its parts; without names, the whole questionnaire."""
         return replace(self, items=tuple(item for item in self.items if item.subscale in (subscales or self.subscales)))
 
     def problem_of_translation(self, key: str, text: object) -> str:
-        """What is wrong with a translation of an item; empty if it fits."""
+        """The reason why a translation of an item does not fit; empty if it fits."""
         if key in _FRAME:
             return "" if isinstance(text, str) else f"{key} is one text"
         item = next((item for item in self.items if item.name == key), None)

@@ -21,7 +21,7 @@ from ..sim.episode import Episode, renderer_for
 
 SCENARIOS = ("empty", "sonata-2020", "sonata-2020-crowded")
 # Pedestrians that enter and leave at different times, so that the rows of snapshots belong to changing pedestrians.
-PASSING_PEDESTRIANS = tuple(
+_PASSING_PEDESTRIANS = tuple(
     PersonSpec(x=-2.5, y=y, goals=((2.5, y),), exits=True, enters=0.3 * k, leaves=0.3 * k + 6.0)
     for k, y in enumerate((-1.0, 1.0, 2.0))
 )
@@ -43,7 +43,7 @@ def check_controller(
         The outcome of each scene.
 
     Raises:
-        TypeError: a class or a name is given instead of an object.
+        TypeError: the controller is a class or a name instead of an object.
         ControllerError: an answer is not a finite `Twist`.
         RecordError: a label cannot be stored in a file.
         AssertionError: the controller declares itself deterministic, but a second run of the same scene differs:
@@ -55,8 +55,8 @@ def check_controller(
     require_controller(controller)
     outcomes, counts = [], []
     for scene in scenes if scenes is not None else default_scenes(time_limit):
-        first, outcome, own_counts = _recorded_run(scene, controller)
-        counts.append({"ticks": outcome.tick, **own_counts})
+        first, outcome, commands = _recorded_run(scene, controller)
+        counts.append({"ticks": outcome.tick, **commands})
         if controller.deterministic:
             second, _, _ = _recorded_run(scene, controller)
             assert first == second, (
@@ -71,7 +71,7 @@ def check_controller(
 
 
 def default_scenes(time_limit: float) -> list[Scene]:
-    """A scene for each of `SCENARIOS`; in that of sonata-2020, pedestrians enter and leave.
+    """A scene for each of `SCENARIOS`; in the scene of sonata-2020, pedestrians enter and leave.
 
     Args:
         time_limit: of each scene, s.
@@ -79,7 +79,7 @@ def default_scenes(time_limit: float) -> list[Scene]:
     scenes = []
     for name in SCENARIOS:
         config = load_scenario(name)
-        people = PASSING_PEDESTRIANS if name == "sonata-2020" else ()
+        people = _PASSING_PEDESTRIANS if name == "sonata-2020" else ()
         rules = replace(config.rules, time_limit=time_limit)
         scenes.append(generate(config.model_copy(update={"rules": rules, "people": people}), seed=1))
     return scenes

@@ -15,9 +15,9 @@ from ..core.scene import Rules, Scene
 from ..core.vectors import X, Y, lengths
 from ..sim.world import World
 
-MARGIN = 30.0  # m, from all positions to the outline of the room, which has no influence at this distance
-PASSING_DISTANCE = 1.0  # m; a goal nearer than this is carried on, because pedestrians stop near their last goal
-STANDING_DISTANCE = 1e-6  # m; a pedestrian nearer to its goal than this stands
+_MARGIN = 30.0  # m, from all positions to the outline of the room, which has no influence at this distance
+_PASSING_DISTANCE = 1.0  # m; a goal nearer than this is carried on, because pedestrians stop near their last goal
+_STANDING_DISTANCE = 1e-6  # m; a pedestrian nearer to its goal than this stands
 
 
 def simulate(
@@ -54,7 +54,7 @@ def simulate(
     Returns:
         Positions (steps, N, 2), m; the first ones are dt after the start.
     """
-    scene = scene_from_state(
+    scene = _scene_from_state(
         initial_positions, initial_velocities, goals, desired_speeds, obstacles, groups,
         dt=dt, model=model, radius=radius, breadth=breadth,
     )  # fmt: skip
@@ -75,7 +75,7 @@ def _turned(human: Human, x: float, y: float) -> Human:
     return replace(human, pose=Pose(human.pose.x, human.pose.y, angle_of(y, x)))
 
 
-def scene_from_state(
+def _scene_from_state(
     positions: Array, velocities: Array, goals: Array, speeds: Array, obstacles: Array, groups: IntArray | None,
     *, dt: float, model: str, radius: float, breadth: float,
 ) -> Scene:  # fmt: skip
@@ -88,8 +88,8 @@ def scene_from_state(
     """
     offset = goals - positions
     distance = lengths(offset)
-    stands = distance < STANDING_DISTANCE
-    scale = np.where(distance < PASSING_DISTANCE, PASSING_DISTANCE / np.maximum(distance, STANDING_DISTANCE), 1.0)
+    stands = distance < _STANDING_DISTANCE
+    scale = np.where(distance < _PASSING_DISTANCE, _PASSING_DISTANCE / np.maximum(distance, _STANDING_DISTANCE), 1.0)
     goals = np.where(stands[:, None], goals, positions + offset * scale[:, None])
     numbers = np.zeros(len(positions), dtype=int) if groups is None else np.where(stands, 0, np.asarray(groups))
     members: dict[int, list[int]] = {}
@@ -99,7 +99,7 @@ def scene_from_state(
     members = {number: humans for number, humans in members.items() if len(humans) > 1}
     group_of = {human: number for number, humans in members.items() for human in humans}
     points = np.concatenate((positions, goals, obstacles.reshape(-1, 2)))
-    (x0, y0), (x1, y1) = (points.min(axis=0) - MARGIN).tolist(), (points.max(axis=0) + MARGIN).tolist()
+    (x0, y0), (x1, y1) = (points.min(axis=0) - _MARGIN).tolist(), (points.max(axis=0) + _MARGIN).tolist()
     return Scene(
         name="recorded",
         family="recorded/given",

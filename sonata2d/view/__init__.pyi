@@ -1,8 +1,9 @@
 from .camera import Camera as Camera
-from .draw import Layers as Layers, backdrop as backdrop, picture as picture
+from .draw import backdrop as backdrop, picture as picture
 from .files import SUFFIXES as SUFFIXES, render as render
 from .film import save_film as save_film
 from .interpolation import between as between
+from .layers import Layers as Layers
 from .page import save_page as save_page
 from .painter import Painter as Painter, image_of as image_of
 from .stills import (

@@ -7,7 +7,7 @@ part (`backdrop`) is drawn once and can be passed to each `picture` of the same 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import pygame
@@ -21,7 +21,7 @@ from .canvas import Canvas, PixelCanvas
 from .figures import goal_part, human_parts, robot_part
 from .furniture import draw_furniture, half_size
 from .landmarks import draw_landmarks
-from .layers import draw_gazes, draw_interactions, draw_velocities, draw_zones, thin_walls
+from .layers import Layers, draw_gazes, draw_interactions, draw_velocities, draw_zones, thin_walls
 from .legend import Legend
 from .palette import FAINT, PAPER, WALL, Colour
 from .room import FloorPlan, draw_room
@@ -30,21 +30,6 @@ from .trails import Trails, draw_trails
 FINE, QUICK = 4, 2  # supersampling factors; powers of two, because pygame's smoothscale darkens others slightly
 _LABEL, _MIN_LABEL = 0.3, 13  # m and px: font size of ids, and its lower limit
 _LARGE = 2_000_000  # px; larger pictures use QUICK
-
-
-@dataclass(frozen=True, slots=True)
-class Layers:
-    """What a picture shows besides the room, the pedestrians and the robot."""
-
-    gaze: bool = True
-    links: bool = True
-    goal: bool = True
-    grid: bool = True  # faint lines, 1 m apart
-    zones: bool = False  # intimate and personal zones, and the space shared by interacting pedestrians
-    velocities: bool = False
-    ids: bool = False
-    caption: bool = True  # the strip below, with the scale bar
-    legend: bool = False  # rows below the picture that explain its symbols; camera images have none
 
 
 def camera_for(

@@ -20,8 +20,8 @@ from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..errors import RenderError
 from .camera import DEFAULT_SIDE
-from .draw import Layers
 from .interpolation import between
+from .layers import Layers
 from .legend import Legend
 from .palette import ACTIVITY, FLOOR, GOAL, GRID, INK, PAPER, PATHS, ROBOT, WALL, mixed, time_colour
 from .sequence import PictureSequence

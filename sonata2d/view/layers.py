@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
 
@@ -28,6 +29,21 @@ _INTIMATE_LINE, _PERSONAL_LINE = mixed(FLOOR, INK, 0.3), mixed(FLOOR, INK, 0.22)
 _MARGIN = 0.05  # m, between the end of a link and the outline of its entity
 
 Ends = dict[int, tuple[Point, float]]  # by id: position and radius of the entities that a link can join, m
+
+
+@dataclass(frozen=True, slots=True)
+class Layers:
+    """What a picture shows besides the room, the pedestrians and the robot."""
+
+    gaze: bool = True
+    links: bool = True
+    goal: bool = True
+    grid: bool = True  # faint lines, 1 m apart
+    zones: bool = False  # intimate and personal zones, and the space shared by interacting pedestrians
+    velocities: bool = False
+    ids: bool = False
+    caption: bool = True  # the strip below, with the scale bar
+    legend: bool = False  # rows below the picture that explain its symbols; camera images have none
 
 
 # Fields of view

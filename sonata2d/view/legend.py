@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 from ..core.geometry import Point
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
@@ -16,12 +15,9 @@ from .canvas import Canvas
 from .figures import draw_body, draw_chassis, draw_head, draw_plain_body, draw_target
 from .fonts import width_of
 from .landmarks import draw_door, draw_place, draw_queue
-from .layers import draw_fan, draw_link_between, draw_shared_space, draw_zones_of
+from .layers import Layers, draw_fan, draw_link_between, draw_shared_space, draw_zones_of
 from .palette import ACTIVITY, INK
 from .trails import MARK_INTERVAL, draw_mark_sample, draw_path_samples
-
-if TYPE_CHECKING:
-    from .draw import Layers
 
 _TEXT, _ROW, _EDGE = 16, 22, 14  # px: font size, height of a row, free space beside the rows
 _BELOW = 8  # px, free space below the last row

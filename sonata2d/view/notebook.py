@@ -6,16 +6,17 @@ import html
 import importlib
 import tempfile
 import webbrowser
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..core.drawable import Drawing
 from ..core.files.locations import location
 from ..core.notebook import notebook_shell
 from ..errors import RenderError
-from .draw import Layers, picture
+from .draw import picture
+from .drawing import Drawing, drawing_of
 from .files import FILM_SUFFIXES, render
+from .layers import Layers
 from .page import page_of
 from .sheets import Sheet
 from .stills import filmstrip, png_of, write_file
@@ -25,8 +26,9 @@ _CARD_SIDE = 320  # px, longer side of the picture beside a table
 _PAGE_HEIGHT = 640  # px, of a page below a cell
 
 
-def save(drawing: Drawing, path: str | Path, **options: Any) -> None:
+def save(subject: object, path: str | Path, **options: Any) -> None:
     """See `Drawable.save`."""
+    drawing = drawing_of(subject)
     is_still = len(drawing.snapshots) == 1
     if is_still and location(path).suffix.lower() in FILM_SUFFIXES:
         raise RenderError(f"{path}: a single state makes no film; end the name in .png, .svg or .html")
@@ -36,13 +38,14 @@ def save(drawing: Drawing, path: str | Path, **options: Any) -> None:
 
 
 def show(
-    drawing: Drawing,
+    subject: object,
     *,
     size: tuple[int, int] | None = None,
     layers: Layers | None = None,
     caption: str | None = None,
 ) -> None:
     """See `Drawable.show`."""
+    drawing = drawing_of(subject)
     surface = picture(
         drawing.snapshots[-1], size=size, layers=layers or Layers(legend=True), trails=_trails(drawing),
         caption=caption, outcome=drawing.outcome,
@@ -52,8 +55,9 @@ def show(
         _open(content, ".png")
 
 
-def animate(drawing: Drawing, *, layers: Layers | None = None, caption: str | None = None) -> None:
+def animate(subject: object, *, layers: Layers | None = None, caption: str | None = None) -> None:
     """See `Drawable.animate`."""
+    drawing = drawing_of(subject)
     page = page_of(
         drawing.snapshots, commands=drawing.commands, labels=drawing.labels, layers=layers, caption=caption,
         outcome=drawing.outcome,
@@ -79,32 +83,33 @@ def show_page(page: str, *, height: int = _PAGE_HEIGHT) -> None:
         _open(page.encode(), ".html")
 
 
-def save_sheet(drawings: Sequence[Drawing], titles: Sequence[str], path: str | Path, **options: Any) -> None:
+def save_sheet(subjects: Iterable[object], titles: Sequence[str], path: str | Path, **options: Any) -> None:
     """See `Dataset.save`."""
-    Sheet(drawings, titles).save(path, **options)
+    Sheet([drawing_of(subject) for subject in subjects], titles).save(path, **options)
 
 
-def show_sheet(drawings: Sequence[Drawing], titles: Sequence[str]) -> None:
+def show_sheet(subjects: Iterable[object], titles: Sequence[str]) -> None:
     """See `Dataset.show`."""
-    content = png_of(Sheet(drawings, titles).picture())
+    content = png_of(Sheet([drawing_of(subject) for subject in subjects], titles).picture())
     if not _displayed({"image/png": content}):
         _open(content, ".png")
 
 
-def animate_sheet(drawings: Sequence[Drawing], titles: Sequence[str]) -> None:
+def animate_sheet(subjects: Iterable[object], titles: Sequence[str]) -> None:
     """See `Dataset.animate`."""
-    show_page(Sheet(drawings, titles).page(), height=_PAGE_HEIGHT + 200)
+    show_page(Sheet([drawing_of(subject) for subject in subjects], titles).page(), height=_PAGE_HEIGHT + 200)
 
 
-def card(title: str, facts: Mapping[str, object], drawings: Sequence[Drawing], titles: Sequence[str] = ()) -> str:
+def card(title: str, facts: Mapping[str, object], subjects: Iterable[object], titles: Sequence[str] = ()) -> str:
     """A table of facts beside pictures, as HTML that fits light and dark notebooks.
 
     Args:
         title: above the table.
         facts: text by name.
-        drawings: of each the last state is drawn, with paths, and without caption and legend.
-        titles: below the drawings, if there are several; the outcomes are added.
+        subjects: of each the last state is drawn, with paths, and without caption and legend.
+        titles: below the pictures, if there are several; the outcomes are added.
     """
+    drawings = [drawing_of(subject) for subject in subjects]
     side = _CARD_SIDE if len(drawings) == 1 else _CARD_SIDE // 2
     captions = [html.escape(f"{text}: {drawing.outcome}") for text, drawing in zip(titles, drawings, strict=False)]
     pictures = "".join(

@@ -13,7 +13,7 @@ from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..errors import RenderError
 from .annotations import origin, value_text
-from .draw import Layers
+from .layers import Layers
 from .legend import Legend, english
 from .scene_data import UNDRAWN, legend_data, scene_data, states_data
 from .stills import write_file

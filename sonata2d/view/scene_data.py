@@ -16,10 +16,10 @@ from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from .brush import Brush
 from .camera import Camera
-from .draw import Layers, camera_for
+from .draw import camera_for
 from .furniture import draw_furniture, half_size
 from .landmarks import draw_landmarks
-from .layers import visible_interactions
+from .layers import Layers, visible_interactions
 from .legend import Legend, english, name_of
 from .palette import ACTIVITY, BLUE, DARK, FAINT, FLOOR, GOAL, HAIR, INK, PAPER, ROBOT, hex_colour, mixed, shaded
 from .room import FloorPlan, draw_room

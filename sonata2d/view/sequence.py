@@ -16,7 +16,8 @@ from ..core.snapshot import Snapshot
 from .brush import Brush
 from .camera import DEFAULT_SIDE
 from .canvas import PixelCanvas, TrackingCanvas
-from .draw import QUICK, Layers, annotate, backdrop, camera_for, draw_moving, height_below, shrunk
+from .draw import QUICK, annotate, backdrop, camera_for, draw_moving, height_below, shrunk
+from .layers import Layers
 from .legend import Legend
 from .sprites import ShapeCache
 from .trails import Trails, draw_trails

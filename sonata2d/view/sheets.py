@@ -11,14 +11,15 @@ from pathlib import Path
 import pygame
 from jinja2 import Environment, PackageLoader
 
-from ..core.drawable import Drawing
 from ..core.files.locations import location
 from ..core.notebook import ProgressBar, bar_of
 from ..errors import RenderError
 from .annotations import TEXT
-from .draw import Layers, camera_for, picture
+from .draw import camera_for, picture
+from .drawing import Drawing
 from .film import save_sheet_film
 from .fonts import shortened
+from .layers import Layers
 from .legend import Legend
 from .page import page_of
 from .palette import FAINT, PAPER

@@ -23,10 +23,11 @@ from .annotations import STRIP, TEXT, draw_strip, origin, summary
 from .brush import Brush
 from .camera import Camera
 from .canvas import PixelCanvas
-from .draw import QUICK, Layers, annotate, backdrop, camera_for, draw_moving, draw_on_backdrop, height_below, picture
+from .draw import QUICK, annotate, backdrop, camera_for, draw_moving, draw_on_backdrop, height_below, picture
 from .fonts import shortened
 from .furniture import draw_furniture
 from .landmarks import draw_landmarks
+from .layers import Layers
 from .legend import Legend
 from .palette import FAINT, PAPER
 from .room import FloorPlan, draw_room

@@ -1,6 +1,6 @@
-"""What a page may send: one JSON object per message, checked before anything else looks at it.
+"""The messages of a page: one JSON object each, validated before it is used.
 
-The page drives the simulation: it asks for each tick by number, with the device events since the last one, and gets the
+The page drives the simulation: it requests each tick by number, with the device events since the last one, and gets the
 next state. A message that arrives twice changes nothing. Nothing here depends on a network.
 """
 
@@ -15,12 +15,13 @@ from ..core.wording import one_line
 
 PROTOCOL = 1
 MAX_MESSAGE = 65_536  # bytes
-MAX_EVENTS = 64  # of one tick: each control at most once
-REFUSED, FAILED = "refused", "failed"  # kinds of problems: of a message, and of the server
+_MAX_EVENTS = 64  # of one tick: each control at most once
+REFUSED, FAILED = "refused", "failed"  # kinds of problems: of the message, of the server
 _DEVICES = r"^(keyboard|mouse|touch|pad[0-7]|label)$"
 
 Name = Annotated[str, Field(min_length=1, max_length=80)]
 Step = Annotated[str, Field(min_length=1, max_length=120)]
+Label = bool | int | float | Annotated[str, Field(max_length=5000)]
 
 
 class Message(BaseModel):
@@ -49,10 +50,27 @@ class Language(Message):
     language: Annotated[str, Field(max_length=20)]
 
 
-class Read(Message):
-    """The participant has read a page."""
+class Action(Message):
+    """An action of the participant that needs no details.
 
-    type: Literal["read"]
+    Attributes:
+        type: `reconsider`, show the consent again; `undo`, take back the last run that was kept; `rest`, the break
+            between ratings is over.
+    """
+
+    type: Literal["reconsider", "undo", "rest"]
+
+
+class StepAction(Message):
+    """An action about a step.
+
+    Attributes:
+        type: `read`, the participant has read the page; `decline`, the participant does not consent; `skip`, go on
+            without doing the step, in a preview.
+        step: id of the step that the page shows.
+    """
+
+    type: Literal["read", "decline", "skip"]
     step: Step
 
 
@@ -62,19 +80,6 @@ class Consent(Message):
     type: Literal["consent"]
     step: Step
     ticked: Annotated[list[bool], Field(max_length=20)]
-
-
-class Decline(Message):
-    """The participant does not take part."""
-
-    type: Literal["decline"]
-    step: Step
-
-
-class Reconsider(Message):
-    """The participant wants to see the consent again."""
-
-    type: Literal["reconsider"]
 
 
 class Answer(Message):
@@ -98,12 +103,12 @@ class Event(Message):
 
 
 class Tick(Message):
-    """Simulate the next tick.
+    """A request to simulate the next tick.
 
     Attributes:
-        run: number of the run, as the server gave it.
-        number: of ticks before this one.
-        events: since the last tick.
+        run: number of the run, as the server sent it.
+        number: number of ticks before this one.
+        events: device events since the last tick.
         round_trip: the latest time from the request of a tick to its answer, s; None before the first answer.
         dropped: number of ticks of real time that the page was too slow for since the last tick.
     """
@@ -111,29 +116,21 @@ class Tick(Message):
     type: Literal["tick"]
     run: int
     number: Annotated[int, Field(ge=0)]
-    events: Annotated[list[Event], Field(max_length=MAX_EVENTS)] = []
+    events: Annotated[list[Event], Field(max_length=_MAX_EVENTS)] = []
     round_trip: Annotated[float, Field(ge=0.0, le=3600.0)] | None = None
     dropped: Annotated[int, Field(ge=0, le=1_000_000)] = 0
 
 
-class Skip(Message):
-    """Go on without doing the step, in a preview."""
+class RunAction(Message):
+    """An action about a run.
 
-    type: Literal["skip"]
-    step: Step
+    Attributes:
+        type: `pause`, stand still; `stop`, end the run; `finish_practice`, go on after a practice run; `discard`,
+            another scene replaces it; `redo`, drive in the same scene again.
+        run: number of the run, as the server sent it.
+    """
 
-
-class Pause(Message):
-    """Stand still."""
-
-    type: Literal["pause"]
-    run: int
-
-
-class Stop(Message):
-    """End the run."""
-
-    type: Literal["stop"]
+    type: Literal["pause", "stop", "finish_practice", "discard", "redo"]
     run: int
 
 
@@ -142,41 +139,14 @@ class Keep(Message):
 
     type: Literal["keep"]
     run: int
-    label: bool | int | float | Annotated[str, Field(max_length=5000)] | None = None
-
-
-class FinishPractice(Message):
-    """Go on after a practice run."""
-
-    type: Literal["finish_practice"]
-    run: int
-
-
-class Discard(Message):
-    """Discard the run, and drive in another scene."""
-
-    type: Literal["discard"]
-    run: int
-
-
-class Redo(Message):
-    """Drive in the same scene again."""
-
-    type: Literal["redo"]
-    run: int
-
-
-class Undo(Message):
-    """Take back the last run that was kept."""
-
-    type: Literal["undo"]
+    label: Label | None = None
 
 
 class Rate(Message):
-    """Rate the run on show.
+    """The rating of a recorded run.
 
     Attributes:
-        shown: number of the run on show, as the server gave it.
+        shown: number of the recorded run, as the server sent it.
         label: the answer.
         seconds: playing time, s.
         whole: whether the run was watched to its end.
@@ -184,39 +154,41 @@ class Rate(Message):
 
     type: Literal["rate"]
     shown: int
-    label: bool | int | float | Annotated[str, Field(max_length=5000)]
+    label: Label
     seconds: Annotated[float, Field(ge=0.0, le=1e6)]
     whole: bool
 
 
-class Rest(Message):
-    """The participant had a break between ratings."""
+class Request(Message):
+    """A request of the researcher's page for data.
 
-    type: Literal["rest"]
+    Attributes:
+        type: `overview`, the progress of all participants; `agreement`, the agreement of the ratings.
+    """
 
-
-class Overview(Message):
-    """How far are all participants."""
-
-    type: Literal["overview"]
+    type: Literal["overview", "agreement"]
 
 
-class Hold(Message):
-    """Stop all runs for a while, or let them go on."""
+class PauseStudy(Message):
+    """Pause all runs of the study, or let them go on.
 
-    type: Literal["hold"]
+    Attributes:
+        value: True to pause.
+    """
+
+    type: Literal["pause_study"]
     value: bool
 
 
 class Add(Message):
-    """Make links for new participants."""
+    """Add participants, each with a link of their own."""
 
     type: Literal["add"]
     count: Annotated[int, Field(ge=1, le=1000)]
 
 
 class Look(Message):
-    """Show what a participant does now.
+    """A request for the live view of one participant.
 
     Attributes:
         participant: id of the participant.
@@ -228,27 +200,20 @@ class Look(Message):
     scene: Annotated[str, Field(max_length=120)] = ""
 
 
-class Agreement(Message):
-    """How well the ratings agree."""
-
-    type: Literal["agreement"]
-
-
-AnyMessage = Annotated[
-    Hello | Language | Read | Consent | Decline | Reconsider | Answer | Tick | Pause | Stop | Keep | FinishPractice
-    | Discard | Redo | Undo | Rate | Rest | Skip,
+_ParticipantMessage = Annotated[
+    Hello | Language | Action | StepAction | Consent | Answer | Tick | RunAction | Keep | Rate,
     Field(discriminator="type"),
-]  # fmt: skip
-ResearcherMessage = Annotated[Overview | Hold | Add | Look | Agreement, Field(discriminator="type")]
-_participant: TypeAdapter[Any] = TypeAdapter(AnyMessage)
-_researcher: TypeAdapter[Any] = TypeAdapter(ResearcherMessage)
+]
+_ResearcherMessage = Annotated[Request | PauseStudy | Add | Look, Field(discriminator="type")]
+_participant: TypeAdapter[Any] = TypeAdapter(_ParticipantMessage)
+_researcher: TypeAdapter[Any] = TypeAdapter(_ResearcherMessage)
 
 
 def parse_message(data: str | bytes, *, of_researcher: bool = False) -> Message:
     """A message of a participant's page, or of the researcher's page.
 
     Raises:
-        ValueError: it is none; one line.
+        ValueError: the data is not a valid message; one line.
     """
     if len(data) > MAX_MESSAGE:
         raise ValueError(f"the message has {len(data)} bytes; up to {MAX_MESSAGE} are read")

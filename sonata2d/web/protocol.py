@@ -1,4 +1,4 @@
-"""Connections that are closed when nothing comes from, or goes to, the other side."""
+"""Protocols of uvicorn with timeouts: connections are closed when nothing is received, or nothing can be sent."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.exceptions import InvalidState
 
-_PATIENCE = 10.0  # s
+_TIMEOUT_S = 10.0
 
 
-class ImpatientProtocol(H11Protocol):
-    """Closes connections that send no complete request: uvicorn counts them, and refuses others when they are many."""
+class TimeoutProtocol(H11Protocol):
+    """HTTP that closes connections without a complete request: uvicorn counts them towards its limit of connections."""
 
     _limit: asyncio.TimerHandle | None = None
 
@@ -36,7 +36,7 @@ class ImpatientProtocol(H11Protocol):
 
     def _wait_for_request(self) -> None:
         self._stop()
-        self._limit = self.loop.call_later(_PATIENCE, self._close_if_silent)
+        self._limit = self.loop.call_later(_TIMEOUT_S, self._close_if_silent)
 
     def _close_if_silent(self) -> None:
         request: Any = self.cycle  # None before the first one
@@ -48,22 +48,22 @@ class ImpatientProtocol(H11Protocol):
             self._limit.cancel()
 
 
-class ImpatientSocket(WebSocketsSansIOProtocol):
-    """Ends web sockets whose other side does not read what was sent before the end, or goes on after an error."""
+class TimeoutSocket(WebSocketsSansIOProtocol):
+    """Web sockets that are cut off if the other side does not read what was sent last, or continues after an error."""
 
     def data_received(self, data: bytes) -> None:
         try:
             super().data_received(data)
-        except InvalidState:  # uvicorn closes at the first frame that is no text, and does not expect a second one
+        except InvalidState:  # uvicorn closes after a frame that is not text, and does not expect a second one
             self.transport.abort()
 
     async def run_asgi(self) -> None:
         await super().run_asgi()
-        self.loop.call_later(_PATIENCE, self.transport.abort)
+        self.loop.call_later(_TIMEOUT_S, self.transport.abort)
 
 
 def without_traceback(record: logging.LogRecord) -> bool:
-    """A filter of a log: uvicorn writes tracebacks where a page sends what is no text, and where it stops a request."""
+    """A log filter that removes uvicorn's tracebacks about frames that are not text, and about cancelled requests."""
     error = record.exc_info[1] if record.exc_info else None
     if isinstance(error, UnicodeDecodeError):
         record.exc_info = None

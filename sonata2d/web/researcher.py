@@ -1,21 +1,21 @@
-"""What the researcher's page shows and does: progress, live view, break, new links, agreement."""
+"""The researcher's page: progress of all participants, live view, pause, new links, agreement of ratings."""
 
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Container, Mapping
 
 from ..collect.agreement import agreement as agreement_of
 from ..collect.rating import ratings_of
 from ..core.wording import one_line
 from ..errors import Sonata2dError
-from ..study.content import Json
+from ..study.folder import StudyFolder
+from ..study.links import Links
 from ..study.progress import Progress, progress_of_all
+from ..study.texts import Json
 from ..view.scene_data import scene_data, state_data
 from . import messages as m
-
-if TYPE_CHECKING:
-    from .server import StudyServer
+from .participant_session import ParticipantSession
 
 _MOST_DISPUTED = 5  # runs of a block of ratings
 
@@ -24,17 +24,33 @@ class Researcher:
     """Answers the messages of the researcher's pages.
 
     Args:
-        server: of the study.
+        folder: of the study.
+        links: of the study.
+        sessions: sessions of the participants who were connected lately, by id.
+        connected: ids of the participants whose page is open.
+        new_participant: adds a participant.
+
+    Attributes:
+        is_paused: whether all runs of the study are paused.
     """
 
-    def __init__(self, server: StudyServer) -> None:
-        self._server = server
+    def __init__(
+        self,
+        folder: StudyFolder,
+        links: Links,
+        sessions: Mapping[str, ParticipantSession],
+        connected: Container[str],
+        new_participant: Callable[[], object],
+    ) -> None:
+        self._folder, self._links, self._sessions, self._connected = folder, links, sessions, connected
+        self._new_participant = new_participant
+        self.is_paused = False
         self._stored: dict[str, Progress] = {}  # of participants who are away
         self._problems: list[str] = []
         self._is_read = False
 
     def forget(self) -> None:
-        """Read the files anew: a participant has left, and what was read of them is old."""
+        """Read the files anew with the next overview, because a session was closed."""
         self._stored, self._is_read = {}, False
 
     async def answer(self, message: m.Message) -> Json:
@@ -45,48 +61,47 @@ class Researcher:
             return {"type": "problem", "problem": one_line(error, 300)}
 
     async def _answer(self, message: m.Message) -> Json:
-        server = self._server
         match message:
             case m.Look():
                 return self._look(message)
-            case m.Agreement():
+            case m.Request(type="agreement"):
                 return await asyncio.to_thread(self._agreement)
-            case m.Hold():
-                server.is_held = message.value
+            case m.PauseStudy():
+                self.is_paused = message.value
             case m.Add():
                 await asyncio.to_thread(self._add, message.count)
+        # An overview answers all other messages, so that the page shows their effect at once.
         if not self._is_read:
-            self._stored, self._problems = await asyncio.to_thread(progress_of_all, server.folder)
+            self._stored, self._problems = await asyncio.to_thread(progress_of_all, self._folder)
             self._is_read = True
         return self._overview()
 
     def _add(self, count: int) -> None:
         for _ in range(count):
-            self._server.new_participant()
+            self._new_participant()
 
     def _overview(self) -> Json:
-        server = self._server
-        tokens = server.links.tokens()
+        tokens = self._links.tokens()
         return {
             "type": "overview",
-            "isHeld": server.is_held,
-            "open": server.links.open,
+            "isStudyPaused": self.is_paused,
+            "open": self._links.open,
             "problem": one_line("; ".join(self._problems), 300),
             "participants": [
                 self._row(index, id, tokens.get(id))
-                for index, id in enumerate(server.folder.participants)
-                if id not in server.folder.withdrawn
+                for index, id in enumerate(self._folder.participants)
+                if id not in self._folder.withdrawn
             ],
         }
 
     def _row(self, index: int, id: str, token: str | None) -> Json:
-        """How far a participant is."""
-        server = self._server
-        seat = server.seats.get(id)
-        if seat is None and id not in self._stored:
-            self._stored[id] = Progress(server.folder.study, index)
-        progress = seat.participant if seat else self._stored[id]
-        row: Json = {
+        """The progress of a participant."""
+        session = self._sessions.get(id)
+        if session is None and id not in self._stored:
+            self._stored[id] = Progress(self._folder.study, index)
+        progress = session.participant if session else self._stored[id]
+        run = session.driven_run if session else None
+        return {
             "id": id,
             "token": token,
             "kind": "declined" if progress.has_declined else progress.step.kind,
@@ -95,48 +110,50 @@ class Researcher:
             "runs": progress.runs,
             "language": progress.language,
             "lastEvent": progress.last_event,
-            "isOpen": id in server.connected,
-            "roundTrip": seat.round_trip if seat else None,
-            "status": None,
+            "isOpen": id in self._connected,
+            "roundTrip": session.round_trip if session else None,
+            "status": run.state if run else None,
         }
-        session = seat.participant.session if seat and seat.participant.is_driving else None
-        if session is not None:
-            row["status"] = session.state
-        return row
 
     def _look(self, message: m.Look) -> Json:
-        """What a participant does now; the scene only if the page does not have it."""
-        seat = self._server.seats.get(message.participant)
+        """The run that a participant drives now; its scene only if the page does not have it."""
+        session = self._sessions.get(message.participant)
+        run = session.driven_run if session else None
         look: Json = {"type": "look", "participant": message.participant, "drive": None}
-        session = seat.participant.session if seat and seat.participant.is_driving else None
-        if seat is not None and session is not None:
-            key = f"{message.participant}/{seat.run}/{session.scene.episode}"
-            look["drive"] = {"scene": key, "ticks": session.ticks, "state": state_data(session.after)}
+        if session is not None and run is not None:
+            key = f"{message.participant}/{session.run}/{run.scene.episode}"
+            look["drive"] = {"scene": key, "ticks": run.ticks, "state": state_data(run.after)}
             if message.scene != key:
-                look["drive"]["data"] = scene_data(session.scene)
+                look["drive"]["data"] = scene_data(run.scene)
         return look
 
     def _agreement(self) -> Json:
-        """How well the ratings of each block agree."""
-        folder, blocks = self._server.folder, []
-        for k, block in enumerate(folder.study.config.ratings):
-            ratings = ratings_of(folder.rated(k))
-            spec = folder.rating_spec(k, ratings)
-            found = agreement_of([rating for rating in ratings if rating.spec == spec], spec)
-            repeated = [rater for rater in found.within if rater.repeats]
+        """The agreement of the ratings of each block."""
+        blocks = []
+        for k, block in enumerate(self._folder.study.config.ratings):
+            ratings = ratings_of(self._folder.rated(k))
+            spec = self._folder.rating_spec(k, ratings)
+            agreement = agreement_of([rating for rating in ratings if rating.spec == spec], spec)
+            repeated = [rater for rater in agreement.within if rater.same is not None]
             count = sum(rater.repeats for rater in repeated)
             blocks.append(
                 {
                     "name": block.name,
                     "question": spec.question,
-                    "raters": len(found.raters),
-                    "ratings": found.ratings,
-                    "shared": found.shared,
-                    "measure": found.measure,
-                    "alpha": found.alpha,
+                    "raters": len(agreement.raters),
+                    "ratings": agreement.ratings,
+                    "shared": agreement.shared,
+                    "measure": agreement.measure,
+                    "alpha": agreement.alpha,
                     "repeats": count,
-                    "same": sum(r.same * r.repeats for r in repeated if r.same is not None) / count if count else None,
-                    "disputed": [{"file": run.file, "labels": run.labels} for run in found.disputed[:_MOST_DISPUTED]],
+                    "same": sum((rater.same or 0.0) * rater.repeats for rater in repeated) / count if count else None,
+                    "disputed": [
+                        {
+                            "file": run.file,
+                            "labels": {rater: spec.in_words(label) for rater, label in run.labels.items()},
+                        }
+                        for run in agreement.disputed[:_MOST_DISPUTED]
+                    ],
                 }
             )
         return {"type": "agreement", "blocks": blocks}

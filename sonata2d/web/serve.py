@@ -6,7 +6,6 @@ import logging
 import socket
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -15,54 +14,28 @@ from ..study.export import unfinished_exports
 from ..study.folder import STUDY, StudyFolder
 from ..study.links import Links
 from .messages import MAX_MESSAGE
+from .settings import ServerSettings
 
 _MAX_WAITING_CONNECTIONS = 100
-# Addresses at which a server listens in all networks, and an address outside: of the blocks reserved for documentation.
+# Addresses at which a server listens in all networks, and an address in another network, reserved for documentation.
 _ALL_NETWORKS = {"0.0.0.0": (socket.AF_INET, "192.0.2.1"), "::": (socket.AF_INET6, "2001:db8::1")}
-_PING = 20.0  # s, between two signs of life of an idle connection
+_PING_S = 20.0  # between two pings of an idle connection
 
 if TYPE_CHECKING:
     import uvicorn
     from starlette.types import ASGIApp
 
-    from .server import Takeover
 
-
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """How a study is served.
-
-    Attributes:
-        host: address to listen at.
-        port: 0 for a free one.
-        url: address for participants; None: that of host and port.
-        participants: number of participants that have links from the start.
-        takeover: which of two tabs with the same link drives.
-        connections: largest number of open pages.
-        suffix: of episode files.
-        is_preview: whether steps can be skipped.
-    """
-
-    host: str = "127.0.0.1"
-    port: int = 8765
-    url: str | None = None
-    participants: int = 0
-    takeover: Takeover = "newest"
-    connections: int = 200
-    suffix: str = ".json"
-    is_preview: bool = False
-
-
-def serve(folder: StudyFolder, settings: Settings, announce: Callable[[dict[str, str]], None]) -> None:
-    """Serve a study until the program is interrupted; returns then.
+def serve(folder: StudyFolder, settings: ServerSettings, announce: Callable[[dict[str, str]], None]) -> None:
+    """Serve a study until the program is interrupted.
 
     Args:
         folder: of the study; see `opened_folder`.
-        settings: where, and to how many.
+        settings: address, limits and participants.
         announce: called with the links by name as soon as connections are accepted.
 
     Raises:
-        ConfigError: the address cannot be used.
+        ConfigError: the address, or the id of a participant, cannot be used.
         RecordError: the folder cannot be written.
         SceneError: too many scenes in a row cannot be generated.
         KeyboardInterrupt: the program was interrupted before the links were announced.
@@ -77,21 +50,16 @@ def serve(folder: StudyFolder, settings: Settings, announce: Callable[[dict[str,
         raise StudyError(f"{error.name} is not installed: pip install 'sonata2d[serve]'") from error
     _check_url(settings.url)
     links = Links(folder.out / STUDY)
-    server = StudyServer(
-        folder,
-        links,
-        suffix=settings.suffix,
-        takeover=settings.takeover,
-        max_connections=settings.connections,
-        url=settings.url and settings.url.rstrip("/"),
-        is_preview=settings.is_preview,
-    )
+    server = StudyServer(folder, links, settings)
     for path in unfinished_exports(folder.out):
         path.unlink(missing_ok=True)
     for id in folder.present:
-        links.add(id)  # the program may have ended between the two, or the participant came to the window
+        links.add(id)  # a program may have ended after it added the participant, and before it added the link
     with _listener(settings.host, settings.port) as listener:
         folder.study.warm_up()  # may take half a minute, so after everything that can be refused
+        for id in settings.ids:
+            folder.add(id)
+            links.add(id)
         while len(folder.present) < settings.participants:
             server.new_participant()
         host, port = listener.getsockname()[:2]
@@ -101,7 +69,7 @@ def serve(folder: StudyFolder, settings: Settings, announce: Callable[[dict[str,
             {"researcher": f"{base}/r/{links.researcher}", "open link": f"{base}/j/{links.open}"}
             | {id: f"{base}/s/{token}" for id, token in links.tokens().items()}
         )
-        with suppress(KeyboardInterrupt):  # uvicorn raises the signal that stopped it again
+        with suppress(KeyboardInterrupt):  # uvicorn raises the signal that stopped it a second time
             uvicorn.Server(server_config(server.app, settings.connections)).run(sockets=[listener])
 
 
@@ -115,19 +83,19 @@ def server_config(app: ASGIApp, connections: int, **options: Any) -> uvicorn.Con
     """
     import uvicorn
 
-    from .protocol import ImpatientProtocol, ImpatientSocket, without_traceback
+    from .protocol import TimeoutProtocol, TimeoutSocket, without_traceback
 
     logging.getLogger("uvicorn.error").addFilter(without_traceback)
     settings: dict[str, Any] = {
         "log_config": None,
         "access_log": False,  # addresses hold tokens
         "server_header": False,
-        "http": ImpatientProtocol,
-        "ws": ImpatientSocket,
+        "http": TimeoutProtocol,
+        "ws": TimeoutSocket,
         "ws_max_size": MAX_MESSAGE,
-        "ws_ping_interval": _PING,
-        "ws_ping_timeout": _PING,
-        "backlog": _MAX_WAITING_CONNECTIONS,  # a burst of them is accepted at once, and must not reach the limit
+        "ws_ping_interval": _PING_S,
+        "ws_ping_timeout": _PING_S,
+        "backlog": _MAX_WAITING_CONNECTIONS,  # all waiting ones are accepted at once, and must not reach the limit
         "limit_concurrency": connections + _MAX_WAITING_CONNECTIONS,
         "timeout_graceful_shutdown": 5,
     }
@@ -135,17 +103,17 @@ def server_config(app: ASGIApp, connections: int, **options: Any) -> uvicorn.Con
 
 
 def _check_url(url: str | None) -> None:
-    """Require a whole address without a folder.
+    """Require a complete address without a folder.
 
     Raises:
-        ConfigError: it is none.
+        ConfigError: it is not a complete address, or has a folder.
     """
     try:
         parts = urlsplit(url or "http://localhost")
     except ValueError as error:
-        raise ConfigError(f"--url {url} is no address: {error}") from None
+        raise ConfigError(f"--url {url} is not an address: {error}") from None
     if parts.scheme not in ("http", "https") or not parts.netloc:
-        raise ConfigError(f"--url {url} is no whole address; write https://study.example.org")
+        raise ConfigError(f"--url {url} is not a complete address; write https://study.example.org")
     if parts.path.strip("/") or parts.query or parts.fragment:
         raise ConfigError(
             f"--url {url} leads into a folder; links are at the top of a host name: https://{parts.netloc}"
@@ -177,7 +145,7 @@ def _listener(host: str, port: int) -> socket.socket:
             listener = on_failure.enter_context(socket.socket(family, kind, protocol))
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             listener.bind(address)
-            listener.listen()  # a link that is announced can be opened: connections wait until the server answers
+            listener.listen()  # from now on, connections wait until the server answers
             on_failure.pop_all()
     except OSError as error:
         raise ConfigError(

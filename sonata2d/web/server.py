@@ -1,14 +1,14 @@
-"""The server of a study: pages, and a web socket for each participant."""
+"""The web server of a study: pages, and a web socket for each participant."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator, Awaitable, Callable, Collection
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from functools import cache, partial
 from importlib.resources import files
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 import orjson
@@ -25,30 +25,35 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, DeviceMapping
 from ..core.wording import described, one_line
 from ..errors import Sonata2dError
-from ..study.config import in_language
-from ..study.content import Json
 from ..study.export import temporary_export, write_archive
 from ..study.folder import StudyFolder
 from ..study.links import Links
 from ..study.participant import Participant
+from ..study.texts import Json, in_language
 from .messages import FAILED, REFUSED, Message, parse_message
+from .participant_session import ParticipantSession, preferred
 from .researcher import Researcher
-from .seat import Seat, preferred
+from .settings import ServerSettings
 
 logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
-Takeover = Literal["newest", "first"]
 
 # The stick on a touch screen works like a dragged mouse.
 MAPPINGS = dict(DEFAULT_MAPPINGS) | {
     "touch": DeviceMapping(DEFAULT_MAPPINGS["mouse"].controls, DEFAULT_MAPPINGS["mouse"].dead_zone)
 }
-TAKEN_OVER, OCCUPIED, UNKNOWN, TOO_MANY_MISTAKES, FULL = 4001, 4002, 4003, 4004, 4005  # codes of closed web sockets
-MAX_MISTAKES = 20  # messages of one connection that cannot be read
-_AWAY, _SWEEP = 600.0, 60.0  # s: without a page, after which a participant's memory is freed; between two looks
-_IDLE = 900.0  # s without a message, after which a connection is closed
-_PATIENCE = 30.0  # s, until a page has to read what was sent before
+_TAKEN_OVER, _OCCUPIED, _UNKNOWN, _TOO_MANY_MISTAKES, _FULL = (
+    4001,
+    4002,
+    4003,
+    4004,
+    4005,
+)  # codes of closed web sockets
+_MAX_MISTAKES = 20  # messages of one connection that cannot be read
+_AWAY_S, _SWEEP_S = 600.0, 60.0  # time without a page, after which a session is closed; time between two checks of it
+_IDLE_S = 900.0  # time without a message, after which a connection is closed
+_SEND_TIMEOUT_S = 30.0  # in which a page has to receive an answer
 _STATIC = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 _HEADERS = {
     "Content-Security-Policy": (
@@ -68,39 +73,24 @@ class StudyServer:
     Args:
         folder: of the study.
         links: its links.
-        suffix: of episode files.
-        takeover: which of two tabs with the same link may drive: the `newest`, or the `first` as long as it is open.
-        max_connections: largest number of open web sockets.
-        url: address of the server for participants; None: the one at which the researcher's page is opened.
-        is_preview: whether participants can skip steps.
+        settings: limits and address.
 
     Attributes:
         app: the ASGI application.
-        is_held: whether the researcher has stopped all runs for a while.
-        seats: state of each participant who has connected lately, by id.
+        sessions: session of each participant who was connected lately, by id.
     """
 
-    def __init__(
-        self,
-        folder: StudyFolder,
-        links: Links,
-        *,
-        suffix: str = ".json",
-        takeover: Takeover = "newest",
-        max_connections: int = 200,
-        url: str | None = None,
-        is_preview: bool = False,
-    ) -> None:
-        self.folder, self.links = folder, links
-        self._suffix, self._takeover, self._max_connections = suffix, takeover, max_connections
-        self.is_held = False
-        self.seats: dict[str, Seat] = {}
+    def __init__(self, folder: StudyFolder, links: Links, settings: ServerSettings) -> None:
+        self.folder, self.links, self._settings = folder, links, settings
+        self.sessions: dict[str, ParticipantSession] = {}
         self._pages: dict[str, _Connection] = {}  # open pages by id of the participant
         self._locks: dict[str, asyncio.Lock] = {}
         self._open = 0
-        self._words, self._url, self._is_preview = folder.study.tables, url, is_preview
-        self._public_host = urlsplit(url).netloc.lower() if url else None
-        self._researcher, self._has_warned = Researcher(self), False
+        self._words, self._url = folder.study.tables, settings.url and settings.url.rstrip("/")
+        self._public_host = urlsplit(self._url).netloc.lower() if self._url else None
+        connected = self._pages.keys()
+        self._researcher = Researcher(folder, links, self.sessions, connected, self.new_participant)
+        self._has_warned = False
         routes = [
             Route("/", self._front),
             Route("/static/{name}", self._static),
@@ -114,58 +104,58 @@ class StudyServer:
         app = Starlette(routes=routes, lifespan=self._lifespan, exception_handlers={404: self._unknown_address})
         self.app: ASGIApp = _Guarded(app)
 
-    @property
-    def connected(self) -> Collection[str]:
-        """Ids of the participants who have the page open."""
-        return self._pages.keys()
-
     # Pages
 
     async def _front(self, request: Request) -> Response:
-        language, words = self._words_for(request)
-        title = in_language(self.folder.study.config.title, language)
-        return _page("front.html", language=language, title=title, text=words["web.front"])
-
-    async def _static(self, request: Request) -> Response:
-        content = _static_file(str(request.path_params["name"]))
-        if content is None:
-            return self._not_found(request)
-        data, kind = content
-        return Response(data, media_type=kind, headers={"Cache-Control": "no-cache"})
-
-    async def _study_page(self, request: Request) -> Response:
-        if self.links.participant_of(str(request.path_params["token"])) is None:
-            return self._not_found(request)
-        study = self.folder.study
-        data = {"words": self._words, "languages": study.config.languages, "title": study.config.title}
-        return _page("study.html", language=study.config.languages[0], data=data)
-
-    async def _join(self, request: Request) -> Response:
-        """The open link: a page with a button first, because programs that preview links would become participants."""
-        if not self.links.is_open(str(request.path_params["token"])):
-            return self._not_found(request)
-        config = self.folder.study.config
-        language, words = self._words_for(request)
-        title = in_language(config.title, language)
-        if request.method == "GET":
-            return _page("join.html", language=language, words=words, title=title)
-        if not self._is_same_origin(request):
-            return Response("Forbidden", 403)
-        token = await run_in_threadpool(self.new_participant, config.participants)
-        if token is None:
-            return _page("join.html", 403, language=language, words=words, title=title, is_full=True)
-        return RedirectResponse(f"../s/{token}", 303, headers={"Cache-Control": "no-store"})
+        return self._message(request, text="web.front")
 
     async def _unknown_address(self, request: Request, error: Exception) -> Response:
         return self._not_found(request)
 
     def _not_found(self, request: Request) -> Response:
-        language, words = self._words_for(request)
-        title, text = words["web.unknown_title"], words["web.unknown"]
-        return _page("front.html", 404, language=language, title=title, text=text)
+        return self._message(request, 404, title="web.unknown_title", text="web.unknown")
+
+    async def _static(self, request: Request) -> Response:
+        name = str(request.path_params["name"])
+        if name not in _static_files():
+            return self._not_found(request)
+        media_type = _STATIC[name.rpartition(".")[2]]
+        return Response(_static_files()[name], media_type=media_type, headers={"Cache-Control": "no-cache"})
+
+    async def _study_page(self, request: Request) -> Response:
+        if self.links.participant_of(str(request.path_params["token"])) is None:
+            return self._not_found(request)
+        config = self.folder.study.config
+        data = {"words": self._words, "languages": config.languages, "title": config.title}
+        return _page("study.html", language=config.languages[0], title="sonata2d", script="page.js", data=data)
+
+    async def _join(self, request: Request) -> Response:
+        """The open link: first a page with a button, because programs that preview links must not add participants."""
+        if not self.links.is_open(str(request.path_params["token"])):
+            return self._not_found(request)
+        if request.method == "GET":
+            return self._message(request, button="web.begin")
+        if not self._is_same_origin(request):
+            return Response("Forbidden", 403)
+        token = await run_in_threadpool(self.new_participant, self.folder.study.config.participants)
+        if token is None:
+            return self._message(request, 403, title="web.full_title", text="web.full_study")
+        return RedirectResponse(f"../s/{token}", 303, headers={"Cache-Control": "no-store"})
+
+    def _message(
+        self, request: Request, status: int = 200, *, title: str = "", text: str = "", button: str = ""
+    ) -> Response:
+        """A page with a title, a text and a button, named by their keys; by default with the title of the study."""
+        config = self.folder.study.config
+        wanted = (part.partition(";")[0] for part in request.headers.get("accept-language", "").split(","))
+        language = preferred(config.languages, wanted)
+        words = self._words[language]
+        heading = words[title] if title else in_language(config.title, language)
+        texts = {"text": words.get(text), "button": words.get(button)}
+        return _page("message.html", status, language=language, title=heading, **texts)
 
     def _is_same_origin(self, connection: HTTPConnection) -> bool:
-        """Whether a request comes from a page of this server; programs that are no browsers send no origin."""
+        """Whether a request comes from a page of this server; programs other than browsers send no origin."""
         origin, host = connection.headers.get("origin"), connection.headers.get("host")
         if origin is None:
             return True
@@ -174,16 +164,10 @@ class StudyServer:
             return True
         if not self._has_warned:
             self._has_warned = True
-            hint = "a proxy in front of the server has to pass the Host header on; or start the server with --url"
+            hint = "let the proxy in front of the server pass the Host header on, or start the server with --url"
             names = (one_line(name, 100) for name in (origin, host))
-            logger.warning("a page of %s asked %s, and was refused: %s", *names, hint)
+            logger.warning("a request of a page of %s to %s was refused: %s", *names, hint)
         return False
-
-    def _words_for(self, request: Request) -> tuple[str, dict[str, str]]:
-        """The language of the study that the browser prefers, and the page's words in it."""
-        wanted = (part.partition(";")[0] for part in request.headers.get("accept-language", "").split(","))
-        language = preferred(self.folder.study.config.languages, wanted)
-        return language, self._words[language]
 
     def new_participant(self, limit: int | None = None) -> str | None:
         """Add a participant with the next free id, such as `p001`; returns the token.
@@ -200,19 +184,19 @@ class StudyServer:
     # Participants
 
     async def _socket(self, socket: WebSocket) -> None:
-        """A page of a participant: its messages are answered until it leaves."""
+        """The web socket of a participant's page; its messages are answered until it leaves."""
         id = self.links.participant_of(str(socket.path_params["token"]))
         if not self._is_same_origin(socket):
-            await socket.close(UNKNOWN)
+            await socket.close(_UNKNOWN)
             return
         await socket.accept()
         # a page that reconnects may replace its own lost connection
         page = _Connection(socket, socket.query_params.get("page", "")[:40])
         if id is None:
-            await page.close(UNKNOWN)
+            await page.close(_UNKNOWN)
             return
-        if self._open >= self._max_connections:
-            await page.close(FULL)
+        if self._open >= self._settings.connections:
+            await page.close(_FULL)
             return
         self._open += 1
         try:
@@ -227,14 +211,14 @@ class StudyServer:
                 del self._pages[id]
 
     async def _take_place(self, id: str, page: _Connection) -> bool:
-        """Make a page the one of its participant; False if another one keeps the place."""
+        """Make a page the open page of its participant; False if another page remains it."""
         former = self._pages.get(id)
         if former is None:
             self._pages[id] = page
             return True
         is_other = not page.name or page.name != former.name
-        if self._takeover == "first" and is_other and former.socket.client_state is WebSocketState.CONNECTED:
-            await page.close(OCCUPIED)
+        if self._settings.takeover == "first" and is_other and former.socket.client_state is WebSocketState.CONNECTED:
+            await page.close(_OCCUPIED)
             return False
         self._pages[id] = page
         await former.replace()
@@ -243,54 +227,55 @@ class StudyServer:
     async def _serve(self, id: str, page: _Connection) -> None:
         """Answer the messages of a page until it leaves or another one takes its place."""
         try:
-            seat = await self._seat_of(id)
+            session = await self._session_of(id)
         except Sonata2dError as error:
             logger.error("%s: %s", id, error)
             await page.send({"type": "error", "problem": "the server cannot read its files", "problemKind": FAILED})
             await page.close(1011)
             return
         try:
-            await page.converse(parse_message, seat.answer)
+            await page.converse(parse_message, session.answer)
         finally:
             with suppress(Sonata2dError):
-                await seat.leave()
+                await session.leave()
 
-    async def _free_idle_seats(self) -> None:
+    async def _close_idle_sessions(self) -> None:
         """Free the memory of participants who are away; their journals hold all that is needed to go on."""
         while True:
-            await asyncio.sleep(_SWEEP)
-            await self.free_seats(_AWAY)
+            await asyncio.sleep(_SWEEP_S)
+            await self.close_sessions(_AWAY_S)
 
-    async def free_seats(self, seconds: float) -> None:
-        """Close the parts of participants whose page has been closed for a time."""
-        for id, seat in list(self.seats.items()):
+    async def close_sessions(self, seconds: float) -> None:
+        """Close the sessions of participants whose page has been closed for a time, s."""
+        for id, session in list(self.sessions.items()):
             lock = self._locks.setdefault(id, asyncio.Lock())
-            if lock.locked() or seat.idle < seconds:  # a page holds the lock as long as it is open
+            if lock.locked() or session.idle < seconds:  # a page holds the lock as long as it is open
                 continue
             async with lock:
-                del self.seats[id]
-                await run_in_threadpool(self._close, seat)
+                del self.sessions[id]
+                await run_in_threadpool(self._close, session)
                 self._researcher.forget()
 
-    def _close(self, seat: Seat) -> None:
+    def _close(self, session: ParticipantSession) -> None:
         try:
-            seat.participant.close()
+            session.participant.close()
         except (Sonata2dError, OSError) as error:
-            logger.error("%s: %s", seat.participant.id, error)
+            logger.error("%s: %s", session.participant.id, error)
 
-    async def _seat_of(self, id: str) -> Seat:
-        """The state of a participant; it is created when the participant connects for the first time.
+    async def _session_of(self, id: str) -> ParticipantSession:
+        """The session of a participant; it is created when the participant connects for the first time.
 
         Raises:
             Sonata2dError: a file of the participant is damaged, or in use by another program.
         """
-        if id not in self.seats:
-            participant = await run_in_threadpool(self._open_participant, id)
-            self.seats[id] = Seat(participant, is_held=lambda: self.is_held, is_preview=self._is_preview)
-        return self.seats[id]
-
-    def _open_participant(self, id: str) -> Participant:
-        return Participant(self.folder, id, mappings=MAPPINGS, suffix=self._suffix)
+        if id not in self.sessions:
+            open_participant = partial(Participant, self.folder, id, mappings=MAPPINGS, suffix=self._settings.suffix)
+            self.sessions[id] = ParticipantSession(
+                await run_in_threadpool(open_participant),
+                is_paused=lambda: self._researcher.is_paused,
+                is_preview=self._settings.is_preview,
+            )
+        return self.sessions[id]
 
     # The researcher
 
@@ -299,18 +284,20 @@ class StudyServer:
             return self._not_found(request)
         config = self.folder.study.config
         language = config.languages[0]
-        data = {"words": self._words[language], "title": in_language(config.title, language), "url": self._url}
-        return _page("researcher.html", language=language, data=data)
+        title, data = in_language(config.title, language), {"words": self._words[language], "url": self._url}
+        return _page(
+            "researcher.html", language=language, title=title, script="researcher.js", page="researcher", data=data
+        )
 
     async def _researcher_socket(self, socket: WebSocket) -> None:
         if not self._is_same_origin(socket) or not self.links.is_researcher(str(socket.path_params["token"])):
-            await socket.close(UNKNOWN)
+            await socket.close(_UNKNOWN)
             return
         await socket.accept()
         await _Connection(socket).converse(partial(parse_message, of_researcher=True), self._researcher.answer)
 
     async def _export(self, request: Request) -> Response:
-        """All that was collected, as a ZIP file."""
+        """The export of the study as a ZIP file."""
         if not self.links.is_researcher(str(request.path_params["token"])):
             return self._not_found(request)
         file = temporary_export(self.folder.out)
@@ -329,18 +316,18 @@ class StudyServer:
 
     @asynccontextmanager
     async def _lifespan(self, app: Starlette) -> AsyncIterator[None]:
-        sweeping = asyncio.create_task(self._free_idle_seats())
+        sweeping = asyncio.create_task(self._close_idle_sessions())
         try:
             yield
-        except asyncio.CancelledError:  # a second Ctrl+C; the journals keep the runs that are being driven
+        except asyncio.CancelledError:  # a second Ctrl+C; open runs are in the journals
             return
         sweeping.cancel()
-        for seat in self.seats.values():
-            await run_in_threadpool(self._close, seat)
+        for session in self.sessions.values():
+            await run_in_threadpool(self._close, session)
 
 
 class _Guarded:
-    """Adds headers to all answers, and turns unexpected errors into one line."""
+    """Middleware that adds headers to all answers, and logs unexpected errors in one line."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -363,14 +350,14 @@ class _Guarded:
 
         try:
             await self._app(scope, receive, send_with_headers)
-        except Exception as error:  # one participant's error must not show up in the pages of others, or in a traceback
+        except Exception as error:  # an error of one participant must not stop the server for others
             logger.error("%s %s: %s", scope.get("method", "socket"), _shown_path(scope), described(error))
             if scope["type"] == "http" and not has_begun:
                 await Response("Internal error", 500)(scope, receive, send_with_headers)
 
 
 def _shown_path(scope: Scope) -> str:
-    """The path of a request without tokens, which must not be in a log."""
+    """The path of a request without its token, which must not be logged."""
     return "/".join(part if k != 2 else "…" for k, part in enumerate(str(scope.get("path", "")).split("/")))[:80]
 
 
@@ -392,10 +379,10 @@ class _Connection:
     async def converse(
         self, parse: Callable[[str | bytes], Message], answer: Callable[[Message], Awaitable[Json | None]]
     ) -> None:
-        """Answer messages until the page leaves, reads nothing for a while, or is replaced."""
+        """Answer messages until the page leaves, does not read for a while, or is replaced."""
         mistakes = 0
         while not self.is_replaced:
-            data = await self._within(_IDLE, _received(self.socket))
+            data = await self._within(_IDLE_S, _received(self.socket))
             if data is None:
                 return
             try:
@@ -407,30 +394,30 @@ class _Connection:
                 reply = await answer(message)
             if reply is not None and not await self.send(reply):
                 return
-            if mistakes >= MAX_MISTAKES:
-                await self.close(TOO_MANY_MISTAKES)
+            if mistakes >= _MAX_MISTAKES:
+                await self.close(_TOO_MANY_MISTAKES)
                 return
 
     async def send(self, answer: Json) -> bool:
         """Send an answer; False if the page does not read it."""
         text = orjson.dumps(answer, option=orjson.OPT_SERIALIZE_NUMPY).decode()
-        return await self._within(_PATIENCE, _sent(self.socket.send_text(text))) is True
+        return await self._within(_SEND_TIMEOUT_S, _sent(self.socket.send_text(text))) is True
 
     async def close(self, code: int) -> None:
-        """Close the web socket with a code, of which a page that reads nothing does not learn."""
+        """Close the web socket with a code; a page that does not read never gets the code."""
         with suppress(TimeoutError, WebSocketDisconnect, RuntimeError):
             await asyncio.wait_for(self.socket.close(code), 1.0)
 
     async def replace(self) -> None:
-        """End the page, because another one takes its place."""
+        """Close the page, because another page takes its place."""
         self.is_replaced = True
-        await self.close(TAKEN_OVER)
-        if self._waiting is not None:  # for a page that is gone
-            with suppress(RuntimeError):  # the time is over at this moment
+        await self.close(_TAKEN_OVER)
+        if self._waiting is not None:  # the page may be gone
+            with suppress(RuntimeError):  # the timeout may have expired
                 self._waiting.reschedule(asyncio.get_running_loop().time())
 
     async def _within(self, seconds: float, transfer: Awaitable[T]) -> T | None:
-        """What the network gives within a time; None if it gives nothing, or the page leaves or is replaced."""
+        """Await with a timeout; None on timeout, disconnect, or when another page takes the place of this one."""
         try:
             async with asyncio.timeout(seconds) as self._waiting:
                 return await transfer
@@ -464,16 +451,8 @@ def _templates() -> Environment:
     return environment
 
 
-def _static_file(name: str) -> tuple[bytes, str] | None:
-    """A file of the page, and its type; None if there is none."""
-    kind = _STATIC.get(name.rpartition(".")[2])
-    data = _static_files().get(name)
-    return None if data is None or kind is None else (data, kind)
-
-
 @cache
 def _static_files() -> dict[str, bytes]:
-    """The files of the page by name; no other one is looked up."""
-    known = {path.name: path for path in files(__package__).joinpath("static").iterdir() if path.is_file()}
-    known["drawing.js"] = files("sonata2d.view").joinpath("drawing.js")
-    return {name: path.read_bytes() for name, path in known.items()}
+    """The files of the page by name; other names are unknown."""
+    paths = [*files(__package__).joinpath("static").iterdir(), files("sonata2d.view").joinpath("drawing.js")]
+    return {path.name: path.read_bytes() for path in paths if path.name.rpartition(".")[2] in _STATIC}

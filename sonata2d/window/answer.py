@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import pygame
@@ -12,7 +13,6 @@ from ..collect.texts import text
 from ..core.devices import DeviceEvent
 from ..core.labels import LABEL_DEVICE, LabelSpec
 from .actions import Action
-from .question_panel import FrameQuestion
 from .widgets import Choices, Scale
 
 _ROW = 42  # height of a text field, px at scale 1
@@ -21,7 +21,7 @@ _STEP = 0.05  # change of a slider label per action
 
 
 def question_of(spec: LabelSpec) -> str:
-    """The question of a label; its name if there is none."""
+    """The question of a label, or its name if the scenario asks no question."""
     return spec.question or text("question.nameless", name=spec.name)
 
 
@@ -34,9 +34,25 @@ def answer_text(label: Any, spec: LabelSpec) -> str:
 
 def labels_of(spec: LabelSpec) -> list[Any]:
     """All labels of a discrete question in the order of their buttons: yes before no, classes in ascending order."""
-    if spec.kind == "yes_no":
-        return [True, False]
-    return list(range(1, spec.levels + 1))
+    return [True, False] if spec.kind == "yes_no" else list(range(1, spec.levels + 1))
+
+
+def answers_of(spec: LabelSpec) -> list[str]:
+    """Texts of the buttons of a discrete question."""
+    return [answer_text(label, spec) for label in labels_of(spec)]
+
+
+@dataclass(frozen=True, slots=True)
+class FrameQuestion:
+    """A question that is answered while driving.
+
+    Attributes:
+        spec: the question.
+        position: of the current answer on the scale of the label, 0 to 1; None before the first answer.
+    """
+
+    spec: LabelSpec
+    position: float | None = None
 
 
 class LabelSlider:
@@ -87,16 +103,10 @@ class LabelSlider:
         Args:
             label: answer in use, if the position is undefined.
         """
-        spec = self.spec
-        if not spec.per_frame:
+        if not self.spec.per_frame:
             return None
-        position = self.position if self.position is not None or label is None else spec.position_of(label)
-        answers = [answer_text(spec.label_at(k / (spec.levels - 1)), spec) for k in range(spec.levels)]
-        if spec.kind == "yes_no":  # yes is the first answer
-            answers.reverse()
-            position = None if position is None else 1.0 - position
-        keys = text("question.number_keys", count=spec.levels) if answers else text("question.frame_keys")
-        return FrameQuestion(question_of(spec), tuple(answers), spec.ends, keys, position)
+        is_unanswered = self.position is None and label is not None
+        return FrameQuestion(self.spec, self.spec.position_of(label) if is_unanswered else self.position)
 
     def set(self, label: Any) -> None:
         """Move to a label; None clears the position."""
@@ -137,19 +147,14 @@ class Answer:
             ui.set_focus_set(self._entry)
         else:
             chosen = None if label is None else labels_of(spec).index(label)
-            self.choices = Choices(box, self._texts(spec), scale, chosen)
+            self.choices = Choices(box, answers_of(spec), scale, chosen)
 
     @staticmethod
     def height_of(spec: LabelSpec, width: int, scale: float) -> int:
         """Height that the widgets need in a width, px."""
         if spec.kind == "slider":
             return Scale.height_of(spec.ends, width, scale)
-        return round(_ROW * scale) if spec.kind == "text" else Choices.height_of(Answer._texts(spec), width, scale)
-
-    @staticmethod
-    def _texts(spec: LabelSpec) -> list[str]:
-        """Texts of the buttons of a discrete question."""
-        return [answer_text(label, spec) for label in labels_of(spec)]
+        return round(_ROW * scale) if spec.kind == "text" else Choices.height_of(answers_of(spec), width, scale)
 
     @property
     def label(self) -> Any:
@@ -192,10 +197,9 @@ class Answer:
             self._entry.kill()
 
     def draw(self, surface: pygame.Surface) -> None:
-        """Draw what is not a widget of pygame_gui."""
-        for part in (self.scale, self.choices):
-            if part is not None:
-                part.draw(surface)
+        """Draw buttons and slider, which are not widgets of pygame_gui."""
+        if part := self.scale or self.choices:
+            part.draw(surface)
 
     def _choice_of_key(self, key: int, chosen: int | None) -> int | None:
         """Button of a key: Y and N, digits, or the arrows to move along the buttons; None for other keys."""

@@ -1,57 +1,36 @@
-"""Cards in the window (a title, lines and buttons), and the texts of the driving and rating screens."""
+"""A card in the window: a title, lines, space for an answer, and buttons."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton
 
-from ..collect.texts import text
 from ..view.fonts import width_of, wrapped
 from ..view.palette import BLUE, FAINT, INK, PAPER, VERMILLION, Colour
-from .actions import Action, is_about
-from .answer import Answer, question_of
-from .hud import Light
-from .widgets import EDGE, LARGE, SMALL, TEXT, draw_notice, line_height, natural_width, text_size, write
-
-if TYPE_CHECKING:
-    from ..collect.rating import RatingSession
-    from ..collect.session import Session
-    from ..core.labels import LabelSpec
+from .actions import Action
+from .widgets import EDGE, LARGE, SMALL, TEXT, button_row, draw_notice, line_height, natural_width, text_size, write
 
 Buttons = Sequence[tuple[str, Action]]
-Text = tuple[str, list[str]]  # title and lines
 _WIDTH, _ROW, _GAP = 640, 42, 14  # px at scale 1
 _MAX_ROWS = 6  # into which a line below the title is wrapped; an ellipsis replaces the rest
 _SHRINK = 0.92  # factor by which a card becomes smaller until it fits into the window
 _MAX_KEY_SHARE = 0.28  # of the width, for the keys of one of the two columns of pairs; longer ones wrap
-_PAIR_GAP, _COLUMN_GAP = 10, 20  # px at scale 1: between key and meaning, and between the columns of pairs
-_SHORT_RUN = 2.0  # s; a shorter run may have been ended by mistake
+_PAIR_GAP = 10  # px at scale 1, between key and meaning
 
 
 class _Line(NamedTuple):
-    """One drawn line of a card."""
+    """One drawn line of a card; its place is relative to the upper left corner of the card, px."""
 
     words: str
     size: int  # px
     colour: Colour
-
-
-class _Column(NamedTuple):
-    """Keys and their meanings below one another, as wrapped lines."""
-
-    rows: list[tuple[list[str], list[str]]]  # lines of the key, and of its meaning
-    key_width: int  # px
-    meaning_width: int  # px
-
-    @property
-    def lines(self) -> int:
-        """Height, in lines."""
-        return sum(max(len(key), len(meaning)) for key, meaning in self.rows)
+    x: float
+    y: float  # of the middle
+    anchor: str = "center"
 
 
 class Card:
@@ -67,13 +46,13 @@ class Card:
         warning: a line that stands out, below the others.
         free_height: height left free between lines and buttons, px, for a width in px and a scale.
         top: of the card, px; None for the middle.
-        bottom: edge of the space for the card, px; None for that of the window.
+        bottom: edge of the space for the card, px; None for the edge of the window.
         stacked: whether the buttons are below one another; they are as well if they do not fit side by side.
 
     Attributes:
         box: of the card, px.
         free: box left free for other widgets, px.
-        scale: of the card; smaller than that of the window if the card would not fit.
+        scale: of the card; smaller than the scale of the window if the card would not fit.
     """
 
     def __init__(
@@ -99,15 +78,13 @@ class Card:
         while True:  # smaller until the height fits; the width is limited anyway
             self.box = pygame.Rect(0, 0, min(self._px(_WIDTH * (1.6 if self._pairs else 1.0)), window_width - 20), 0)
             inner = self.box.width - 2 * self._px(_GAP)
-            self._lines, self._columns = self._laid_out(inner), self._columns_of_pairs(inner)
+            self._lines, head = self._laid_out(inner)
             free = free_height(inner, self.scale) if free_height else 0
             gap, row = self._px(_GAP), self._px(_ROW)
             widths = [natural_width(ui, words) + 2 * gap for words, _ in buttons]
             is_stacked = stacked or sum(widths) + gap * (len(buttons) - 1) > inner
-            rows = len(buttons) if is_stacked else min(len(buttons), 1)
-            head = gap + sum(line_height(line.size) for line in self._lines)
-            head += max((column.lines for column in self._columns), default=0) * self._pair_pitch + self._px(6)
-            self.box.height = head + (free + gap if free else 0) + rows * (row + gap) + gap // 2
+            rows = [[button] for button in buttons] if is_stacked else [buttons] if buttons else []
+            self.box.height = head + (free + gap if free else 0) + len(rows) * (row + gap) + gap // 2
             if self.box.height <= end - start - 10 or self.scale < 0.4:
                 break
             start = 10 if self.scale < 0.8 * scale else start  # rather over the readings than unreadable
@@ -116,8 +93,12 @@ class Card:
         if top is not None:
             self.box.top = start
         self.free = pygame.Rect(self.box.left + gap, self.box.top + head, inner, free)
-        place = pygame.Rect(self.free.left, self.box.bottom - gap // 2 - rows * (row + gap), inner, row)
-        self._buttons = self._create_buttons(ui, buttons, place, widths, is_stacked)
+        place = pygame.Rect(self.free.left, self.box.bottom - gap // 2 - len(rows) * (row + gap), inner, row)
+        self._buttons: dict[UIButton, Action] = {}
+        for specs in rows:
+            created = button_row(ui, place, [(words, None, "") for words, _ in specs], gap=gap)
+            self._buttons |= zip(created, (action for _, action in specs), strict=True)
+            place.top += row + gap
 
     def pressed(self, event: pygame.Event) -> Action | None:
         """Action of the button that an event reports as pressed; None for other events."""
@@ -128,12 +109,9 @@ class Card:
         radius = self._px(10)
         pygame.draw.rect(surface, PAPER, self.box, border_radius=radius)
         pygame.draw.rect(surface, EDGE, self.box, width=max(self._px(1), 1), border_radius=radius)
-        y: float = self.box.top + self._px(_GAP)
-        for words, size, colour in self._lines:
-            pitch = line_height(size)
-            write(surface, words, (self.box.centerx, y + pitch / 2), size=size, colour=colour, anchor="center")
-            y += pitch
-        self._draw_pairs(surface, y)
+        for words, size, colour, x, y, anchor in self._lines:
+            place = self.box.left + x, self.box.top + y
+            write(surface, words, place, size=size, colour=colour, anchor=anchor)
         if notice:
             width, gap, size = self.box.width, self._px(6), text_size(TEXT, self.scale)
             place = self.box.centerx, self.box.bottom + gap
@@ -147,216 +125,31 @@ class Card:
     def _px(self, size: float) -> int:
         return round(size * self.scale)
 
-    @property
-    def _pair_pitch(self) -> int:
-        return line_height(text_size(TEXT, self.scale))
-
-    def _laid_out(self, width: int) -> list[_Line]:
-        """The texts as lines that fit into a width."""
+    def _laid_out(self, width: int) -> tuple[list[_Line], int]:
+        """The texts as lines that fit into a width, and their lower edge within the card, px."""
         above, title, lines, warning = self._texts
         parts = [(above, SMALL, FAINT), (title, LARGE, INK)]
         parts += [(line, TEXT, FAINT) for line in lines] + [(warning, TEXT, VERMILLION)]
-        laid_out = []
+        laid_out, y = [], self._px(_GAP)
         for words, points, colour in parts:
             size = text_size(points, self.scale)
             is_line = words in lines  # an empty one separates paragraphs
-            rows = wrapped(words, width, size, max_lines=_MAX_ROWS if is_line else None)
-            laid_out += [_Line(row, size, colour) for row in rows or ([""] if is_line else [])]
-        return laid_out
+            for row in wrapped(words, width, size, max_lines=_MAX_ROWS if is_line else None) or [""] * is_line:
+                laid_out.append(_Line(row, size, colour, self.box.width / 2, y + line_height(size) / 2))
+                y += line_height(size)
+        half = (len(self._pairs) + 1) // 2
+        columns = [self._column(pairs, k, width, y) for k, pairs in enumerate((self._pairs[:half], self._pairs[half:]))]
+        laid_out += [line for column, _ in columns for line in column]
+        return laid_out, max(end for _, end in columns) + self._px(6)
 
-    def _columns_of_pairs(self, width: int) -> list[_Column]:
-        """Keys and their meanings in two columns, wrapped where they are too wide for the card."""
-        half, size = (len(self._pairs) + 1) // 2, text_size(TEXT, self.scale)
-        columns = [pairs for pairs in (self._pairs[:half], self._pairs[half:]) if pairs]
-        keys = [min(max(width_of(key, size) for key, _ in pairs), round(_MAX_KEY_SHARE * width)) for pairs in columns]
-        meanings = [max(width_of(meaning, size) for _, meaning in pairs) for pairs in columns]
-        rest = width - sum(keys) - len(columns) * self._px(_PAIR_GAP) - self._px(_COLUMN_GAP)
-        if sum(meanings) > rest:  # the shorter ones keep their width, the longer ones wrap
-            narrow = min(min(meanings), rest // 2)
-            meanings = [narrow if meaning == min(meanings) else rest - narrow for meaning in meanings]
-        return [
-            _Column([(wrapped(key, a, size), wrapped(meaning, b, size)) for key, meaning in pairs], a, b)
-            for pairs, a, b in zip(columns, keys, meanings, strict=True)
-        ]
-
-    def _draw_pairs(self, surface: pygame.Surface, top: float) -> None:
-        """Draw the columns of keys and their meanings; space that is left is between and beside them."""
+    def _column(self, pairs: list[tuple[str, str]], k: int, width: int, y: int) -> tuple[list[_Line], int]:
+        """The left (0) or right (1) column of keys and their meanings from y on, and its lower edge, px."""
         size, gap = text_size(TEXT, self.scale), self._px(_PAIR_GAP)
-        used = sum(column.key_width + gap + column.meaning_width for column in self._columns)
-        space = (self.box.width - used) / (len(self._columns) + 1)
-        left = self.box.left + space
-        for column in self._columns:
-            middle, y = left + column.key_width, top + 0.5 * self._pair_pitch
-            for key, meaning in column.rows:
-                for k, words in enumerate(key):
-                    place = middle, y + k * self._pair_pitch
-                    write(surface, words, place, size=size, colour=BLUE, anchor="midright")
-                for k, words in enumerate(meaning):
-                    write(surface, words, (middle + gap, y + k * self._pair_pitch), size=size, colour=INK)
-                y += max(len(key), len(meaning)) * self._pair_pitch
-            left = middle + gap + column.meaning_width + space
-
-    def _create_buttons(
-        self, ui: pygame_gui.UIManager, buttons: Buttons, place: pygame.Rect, widths: Sequence[int], stacked: bool
-    ) -> dict[UIButton, Action]:
-        """Buttons side by side, with widths by their texts, or below one another."""
-        gap, created = self._px(_GAP), {}
-        left, top = place.left, place.top
-        rest = place.width - gap * (len(buttons) - 1) - sum(widths)
-        for (words, action), natural in zip(buttons, widths, strict=True):
-            width = place.width if stacked else natural + rest // len(buttons)
-            created[UIButton(pygame.Rect(left, top, width, place.height), words, ui)] = action
-            left, top = (left, top + place.height + gap) if stacked else (left + width + gap, top)
-        return created
-
-
-# Texts of the driving screen, by the state of the session
-
-LIGHTS: dict[str, Light] = {"waiting": "waiting", "driving": "recording", "paused": "paused", "ended": "frozen"}
-
-_DRIVE = ("keys.driving_keys", "keys.drive")
-_HELP = ("F1", "keys.help")
-_KEYS: dict[str, tuple[tuple[str, str], ...]] = {  # a key, or the key of its text; the key of its meaning
-    "waiting": (
-        _DRIVE, ("N", "keys.another_scene"), ("V", "keys.camera"), ("G", "keys.scene"), ("Z", "keys.zones"), _HELP,
-    ),
-    "driving": (
-        _DRIVE, ("Enter", "keys.end_run"), ("P", "keys.pause"), ("V", "keys.camera"), ("H", "keys.readings"), _HELP,
-    ),
-    "paused": (("P", "keys.continue"), ("R", "keys.redo"), ("N", "keys.another_scene"), _HELP),
-    "ended": (("Enter", "keys.keep"), ("Backspace", "keys.discard"), ("R", "keys.redo"), _HELP),
-    "typing": (("Enter", "keys.keep"), ("Esc", "keys.menu"), ("Ctrl+Q", "keys.close")),  # letters belong to a text
-}  # fmt: skip
-_MENU = {
-    "menu.continue": Action.MENU,
-    "menu.redo": Action.REDO,
-    "menu.next": Action.NEXT,
-    "menu.undo": Action.UNDO,
-    "menu.scene": Action.SCENE,
-    "menu.controls": Action.REMAP,
-    "menu.help": Action.HELP,
-    "menu.new_person": Action.NEW_PERSON,
-    "menu.quit": Action.QUIT,
-}
-ENDED = {"run.keep": Action.CONFIRM, "run.discard": Action.DISCARD, "run.redo": Action.REDO}
-_OUTCOMES = ("goal", "timeout", "contact", "stopped")
-
-
-def keys_of(state: str, hidden: Collection[Action] = ()) -> tuple[tuple[str, str], ...]:
-    """Keys and their functions in a state of the session, or while `typing`, without some actions."""
-    shown = [pair for pair in _KEYS[state] if not is_about(pair[1], hidden)]
-    return tuple((text(key) if key == _DRIVE[0] else key, text(meaning)) for key, meaning in shown)
-
-
-def menu_buttons(hidden: Collection[Action]) -> Buttons:
-    """Buttons of the menu without some actions."""
-    return [(text(key), action) for key, action in _MENU.items() if action not in hidden]
-
-
-@dataclass(frozen=True)
-class EndedRun:
-    """What the card at the end of a run says and asks.
-
-    Attributes:
-        title: headline.
-        buttons: text and action of each.
-        label: the question; None if the run is not asked about.
-        warning: a line that stands out.
-    """
-
-    title: str
-    buttons: Buttons
-    label: LabelSpec | None = None
-    warning: str = ""
-
-    @classmethod
-    def of(cls, session: Session, label: LabelSpec | None = None) -> EndedRun:
-        """What is asked about a run of a session: the question is the headline.
-
-        Args:
-            session: of the run.
-            label: the question in the language of the driver; by default that of the session.
-        """
-        spec, time = label or session.label_spec, session.after.time
-        return cls(
-            question_of(spec) if spec.per_run else text("run.keep_question"),
-            [(text(key), action) for key, action in ENDED.items()],
-            spec if spec.per_run else None,
-            text("run.short", time=f"{time:.1f}") if time < _SHORT_RUN else "",
-        )
-
-
-def ended_card(ui: pygame_gui.UIManager, scale: float, session: Session, ended: EndedRun, top: int) -> Card:
-    """The card at the end of a run."""
-    assert session.outcome is not None
-    spec, status, time = ended.label, session.outcome.status, session.outcome.time
-
-    def free_height(width: int, scale: float) -> int:
-        return Answer.height_of(spec, width, scale) if spec else 0
-
-    return Card(
-        ui,
-        scale,
-        ended.title,
-        buttons=ended.buttons,
-        above=text(f"run.{status}", time=f"{time:.1f}") if status in _OUTCOMES else status,
-        warning=ended.warning,
-        free_height=free_height,
-        top=top,
-    )
-
-
-def recovered_notice(session: Session) -> str:
-    """Notice about a run that continues from an earlier session."""
-    assert session.recovered is not None
-    notice = text("notice.recovered", time=f"{session.recovered:.1f}")
-    if session.scene.name == session.config.name:
-        return notice
-    return f"{notice} {text('notice.recovered_scenario', old=session.scene.name, new=session.config.name)}"
-
-
-def state_notice(session: Session) -> str:
-    """Notice that says what to do while the session is paused or waiting."""
-    return text(f"notice.{session.state}") if session.state in ("paused", "waiting") else ""
-
-
-# Texts of the rating screen, by phase
-
-
-def rating_start(session: RatingSession) -> Text:
-    """The question, the fraction of the runs that is done, and the keys.
-
-    The number of presentations is not shown: it would reveal that some runs are shown twice.
-    """
-    spec = session.spec
-    return question_of(spec), [
-        "",
-        text("rating.left_some", percent=percent_done(session)) if session.done else text("rating.left_none"),
-        text("rating.watch_first"),
-        text(f"rating.keys_{spec.kind}"),
-        text("rating.keys_play_typing" if spec.kind == "text" else "rating.keys_play"),
-        text("rating.stop"),
-    ]
-
-
-def rating_break(session: RatingSession) -> Text:
-    """Suggestion to take a break."""
-    return text("rating.break"), [
-        text("rating.left_some", percent=percent_done(session)),
-        text("rating.break_line"),
-        "",
-        text("rating.break_stop"),
-    ]
-
-
-def rating_end(session: RatingSession) -> Text:
-    """Thanks, and how many runs could not be shown."""
-    lines = [text("rating.all_done" if session.done == session.total else "rating.too_early")]
-    if session.skipped:
-        lines.append(text("rating.unreadable", count=len(session.skipped)))
-    return text("rating.thanks"), lines
-
-
-def percent_done(session: RatingSession) -> int:
-    """Fraction of the presentations that are rated, in percent."""
-    return 100 * session.done // max(session.total, 1)
+        keys = min(max((width_of(key, size) for key, _ in pairs), default=0), round(_MAX_KEY_SHARE * width))
+        x, lines, pitch = self._px(_GAP) + k * width // 2 + keys, [], line_height(size)
+        for key, meaning in pairs:
+            rows = wrapped(key, keys, size), wrapped(meaning, width // 2 - keys - 2 * gap, size)
+            for words, colour, left, anchor in ((rows[0], BLUE, x, "midright"), (rows[1], INK, x + gap, "midleft")):
+                lines += [_Line(row, size, colour, left, y + (j + 0.5) * pitch, anchor) for j, row in enumerate(words)]
+            y += max(len(rows[0]), len(rows[1])) * pitch
+        return lines, y

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
-from pathlib import Path
 from typing import Any
 
 import pygame
@@ -11,24 +11,22 @@ import pygame
 from ..collect.session import Session
 from ..collect.texts import text
 from ..core.devices import DeviceEvent, View
-from ..core.labels import LabelSpec
 from ..errors import Sonata2dError
 from ..scenegen.scenario.config import ScenarioConfig
 from ..view.interpolation import between
-from ..view.palette import GREEN, VERMILLION
+from ..view.palette import GREEN, INK, PAPER, VERMILLION, Colour
 from .actions import Action
-from .answer import Answer, LabelSlider
-from .camera import SceneCamera, draw_mouse_joystick, draw_tint
-from .cards import LIGHTS, Card, EndedRun, keys_of, recovered_notice, state_notice
-from .controls_screen import ControlsScreen
-from .hud import Hud, draw_legend
-from .input import HOTPLUG_EVENTS, InputDevices
+from .answer import LabelSlider
+from .hud import Hud, Light, draw_legend
+from .input import HOTPLUG_EVENTS, InputDevices, MouseJoystick
+from .key_texts import keys_of
 from .overlay import Overlay, Page
-from .scene_panel import ScenePanel
+from .scene_camera import SceneCamera
 from .stage import Screen, Stage
 
 _NOTICE_SECONDS = 5.0
 _MAX_TICKS = 3  # per frame of the window, to catch up; a longer delay is dropped and counted
+_LIGHTS: dict[str, Light] = {"waiting": "waiting", "driving": "recording", "paused": "paused", "ended": "frozen"}
 _PAGES: dict[Action, Page] = {Action.HELP: "help", Action.MENU: "menu", Action.SCENE: "scene"}
 # The input devices must see releases even if a widget has used the event; otherwise a control would stay pressed.
 _RELEASES = (pygame.KEYUP, pygame.MOUSEBUTTONUP, pygame.WINDOWFOCUSLOST, *HOTPLUG_EVENTS)
@@ -90,7 +88,7 @@ class Clock:
         self._session.tick(tuple(last.values()))
 
 
-class CollectScreen:
+class CollectScreen(Screen):
     """The screen for driving the runs of a session.
 
     Args:
@@ -100,7 +98,9 @@ class CollectScreen:
         view: initial view.
         scene_changes: whether the driver may change the counts of pedestrians and objects, which a study usually fixes.
         new_person: makes the screen for another driver; None if the session is for one driver.
-        hidden: further actions that the driver may not request.
+
+    Attributes:
+        overlay: the card, the question and the panel over the scene.
     """
 
     def __init__(
@@ -112,32 +112,40 @@ class CollectScreen:
         view: View = "follow",
         scene_changes: bool = False,
         new_person: Callable[[], Screen] | None = None,
-        hidden: Iterable[Action] = (),
     ) -> None:
         self.session, self.devices, self._runs = session, devices, runs
-        self._new_person = new_person
         allowed = {Action.SCENE: scene_changes, Action.NEW_PERSON: new_person is not None}
-        self._hidden = frozenset({action for action, is_allowed in allowed.items() if not is_allowed}.union(hidden))
+        self._hidden = frozenset(action for action, is_allowed in allowed.items() if not is_allowed)
         self._camera = SceneCamera(view)
+        self._commands: dict[Action, Callable[[], object]] = {
+            Action.CONFIRM: self._confirm,
+            Action.DISCARD: self._discard,
+            Action.PAUSE: self._toggle_pause,
+            Action.REDO: lambda: self._without_page(self._redo),
+            Action.NEXT: lambda: self._without_page(self._next),
+            Action.UNDO: lambda: self._without_page(self._undo),
+            Action.FULLSCREEN: lambda: self._without_page(pygame.display.toggle_fullscreen),
+            Action.NEW_PERSON: lambda: self._follow(new_person() if new_person else self),
+            Action.QUIT: lambda: self._follow(None),
+        }
         self._notice, self._notice_left, self._has_answer = "", 0.0, False
-        self._overlay = Overlay(session, runs, hidden=self._hidden, ended=self._ended_run)
+        self.overlay = Overlay(session, runs, devices.profiles, self._hidden)
         self._following: Screen | None = self
         self._stage: Stage
         self._begin_scene()
         if session.recovered is not None or session.notice:
-            self._notice, self._notice_left = session.notice or recovered_notice(session), 3 * _NOTICE_SECONDS
+            self._notice, self._notice_left = session.notice or _recovered_notice(session), 3 * _NOTICE_SECONDS
 
     def enter(self, stage: Stage) -> None:
-        self._stage, self._following = stage, self
-        self.session.set_mappings(self.devices.mappings)  # the controls page may have changed them
+        self._stage = stage
         self._rebuild()
 
     def handle(self, event: pygame.Event) -> None:
         if event.type == pygame.QUIT:
-            self._following = None
+            self._follow(None)
             return
         try:
-            request = self._overlay.handle(event)
+            request = self.overlay.handle(event)
             if not request or event.type in _RELEASES:
                 request = self.devices.handle(event, self._stage.size) or request
             if event.type == pygame.WINDOWFOCUSLOST and self.session.state == "driving":
@@ -147,13 +155,13 @@ class CollectScreen:
             elif isinstance(request, Action):
                 self._perform(request)
         except (Sonata2dError, ValueError, pygame.error) as error:  # shown to the driver; nothing is lost
-            if not self._overlay.show_problem(str(error)):
+            if not self.overlay.show_problem(str(error)):
                 self._notify(str(error))
 
     def advance(self, seconds: float) -> Screen | None:
         if self._following is not self:  # nothing may start in the next run before its screen is on show
             return self._following
-        has_answer = self._overlay.label is not None
+        has_answer = self.overlay.label is not None
         if has_answer and not self._has_answer:
             self._notice_left = 0.0  # the notice may have asked for the answer
         self._has_answer = has_answer
@@ -164,7 +172,7 @@ class CollectScreen:
             self._clock.advance(seconds)
             if session.outcome is not None:
                 self._end()
-        elif self._clock.poll() and session.state in ("waiting", "paused") and self._overlay.page is None:
+        elif self._clock.poll() and session.state in ("waiting", "paused") and self.overlay.page is None:
             self._start()
         return self._following
 
@@ -172,107 +180,80 @@ class CollectScreen:
         session = self.session
         snapshot = between(session.before, session.after, self._clock.fraction)
         notice = self.notice
-        hud = self._hud("" if self._overlay.covers else notice)
-        self._camera.draw(surface, snapshot, hud, scale=self._stage.scale, top=self._overlay.end_of_ended_card)
+        hud = self._hud("" if self.overlay.covers else notice)
+        self._camera.draw(surface, snapshot, hud, scale=self._stage.scale, top=self.overlay.end_of_ended_card)
         if session.state in ("waiting", "ended"):
-            draw_tint(surface, GREEN if session.state == "waiting" else VERMILLION, 24)
+            _draw_tint(surface, GREEN if session.state == "waiting" else VERMILLION, 24)
         if self.devices.joystick is not None:
-            draw_mouse_joystick(surface, self.devices.joystick)
-        self._overlay.draw(surface, notice)
-        if self._overlay.page == "help":
+            _draw_mouse_joystick(surface, self.devices.joystick)
+        self.overlay.draw(surface, notice)
+        if self.overlay.page == "help":
             draw_legend(surface, snapshot, zones=self._camera.zones, scale=self._stage.scale)
 
     def leave(self) -> None:
         self.devices.release()
         self.session.pause()
-        if not isinstance(self._following, ControlsScreen):  # only that screen comes back
-            self.session.close()
-
-    @property
-    def label_spec(self) -> LabelSpec:
-        """The question of the present run as the driver reads it."""
-        return self.session.label_spec
-
-    @property
-    def card(self) -> Card | None:
-        """The card on show."""
-        return self._overlay.card
-
-    @property
-    def answer(self) -> Answer | None:
-        """Widgets of the question at the end of a run, while they are shown."""
-        return self._overlay.answer
-
-    @property
-    def panel(self) -> ScenePanel | None:
-        """The panel of the scene settings, while it is open."""
-        return self._overlay.panel
+        self.session.close()
 
     @property
     def notice(self) -> str:
-        """The latest notice while it is shown, a problem of the journal, or what to do in the present state."""
+        """The latest notice while it is shown, a problem of the journal, or a hint for the present state."""
         if self._notice_left > 0.0:
             return self._notice
-        return self.session.journal_error or ("" if self._overlay.covers else state_notice(self.session))
+        return self.session.journal_error or ("" if self.overlay.covers else _state_notice(self.session))
 
     # Actions
 
     def _perform(self, action: Action) -> None:
-        session = self.session
-        simple = {
-            Action.REDO: self._redo,
-            Action.NEXT: self._next,
-            Action.UNDO: self._undo,
-            Action.REMAP: self._set_up_controls,
-            Action.FULLSCREEN: pygame.display.toggle_fullscreen,
-        }
-        if action in self._hidden:
-            if action in (Action.SCENE, Action.NEXT):
-                self._notify(text("notice.fixed_scenes"))
-        elif action in simple:
-            self._overlay.page = None
-            try:
-                simple[action]()
-            finally:
-                self._rebuild()
-        elif action is Action.CONFIRM:
-            self._confirm()
-        elif action is Action.DISCARD:
-            self._discard()
-        elif action is Action.PAUSE:
-            if session.state == "driving":
-                self._pause()
-            elif session.state == "paused":
-                self._start()
-        elif action is Action.QUIT:
-            self._following = None
-        elif action is Action.NEW_PERSON and self._new_person is not None:
-            self._following = self._new_person()
+        """Carry out an action."""
+        if action is Action.SCENE and action in self._hidden:
+            self._notify(text("notice.fixed_scenes"))  # the driver may wonder why nothing happens
+        elif action in self._hidden or self._camera.apply(action):
+            pass  # the camera has changed the display, which needs nothing else
+        elif action in self._commands:
+            self._commands[action]()
         elif action in _PAGES:
             self._toggle_page(_PAGES[action])
-        elif self._camera.apply(action):
-            pass
-        elif self._overlay.answer is not None:
-            self._overlay.apply(self._stage, action)
-        elif session.label_spec.per_frame and self._slider.apply(action) and self._slider.event:
+        # What is left is about labels: the wheel and the triggers answer the question on show.
+        elif self.overlay.answer is not None:
+            self.overlay.apply(self._stage, action)
+        elif self.session.label_spec.per_frame and self._slider.apply(action) and self._slider.event:
             self._clock.queue([self._slider.event])
+
+    def _without_page(self, command: Callable[[], object]) -> None:
+        """Close the open page and carry out a command; the widgets are replaced even if it fails."""
+        self.overlay.page = None
+        try:
+            command()
+        finally:
+            self._rebuild()
+
+    def _toggle_pause(self) -> None:
+        if self.session.state == "paused":
+            self._start()
+        else:
+            self._pause()
+
+    def _follow(self, screen: Screen | None) -> None:
+        """Show another screen next; None closes the window."""
+        self._following = screen
 
     def _confirm(self) -> None:
         """Enter closes a page, ends the run, keeps an ended run, or starts the next one, by the state."""
         session = self.session
-        if self._overlay.page is not None:
+        if self.overlay.page is not None:
             self._close_page()
         elif session.state == "driving":
             session.stop()
             self._end()
         elif session.state == "ended":
-            label = self._overlay.label
-            if self._overlay.answer is not None and label is None:
+            label = self.overlay.label
+            if self.overlay.answer is not None and label is None:  # a run without its label would be of no use
                 self._notify(text("notice.answer_first"))
                 return
             self._keep(label)
-        elif self._overlay.is_done:
-            self._overlay.drive_on()
+        elif self.overlay.is_done:  # the card offers more runs than were asked for
+            self.overlay.drives_on = True
         else:
             self._start()
         self._rebuild()
@@ -290,20 +271,10 @@ class CollectScreen:
         self._begin_scene()
         self._notify(" ".join(part for part in (text("notice.kept"), self.session.notice) if part))
 
-    def _ended_run(self) -> EndedRun:
-        """What is asked about a run that ended."""
-        return EndedRun.of(self.session)
-
     def _redo(self) -> None:
-        path = self._start_again()
+        path = self.session.redo()
         self._begin_scene()
         self._notify(text("notice.redo" if path else "notice.redo_fresh"))
-
-    def _start_again(self) -> Path | None:
-        return self.session.redo()
-
-    def _take_back(self) -> None:
-        self.session.undo()
 
     def _next(self, reason: str = "another scene", config: ScenarioConfig | None = None) -> None:
         path = self.session.next(config, reason)
@@ -314,17 +285,10 @@ class CollectScreen:
 
     def _undo(self) -> None:
         self.devices.release()
-        self._take_back()
+        self.session.undo()
         self._begin_scene()
-        self._overlay.label = self.session.undone_label
+        self.overlay.label = self.session.undone_label
         self._notify(text("notice.undone"))
-
-    def _set_up_controls(self) -> None:
-        if self.session.ticks and self.session.state != "ended":
-            self._pause()
-            self._notify(text("notice.controls_later"))
-            return
-        self._following = ControlsScreen(self.devices, self)
 
     def _start(self) -> None:
         """Start or continue the run."""
@@ -348,10 +312,10 @@ class CollectScreen:
         self._close_page()
 
     def _begin_scene(self) -> None:
-        """Reset what belongs to one scene."""
+        """Reset clock, label and answer for a new scene."""
         self._clock = Clock(self.session, self.devices)
-        self._overlay.label = None
-        self._slider = LabelSlider(self.label_spec)
+        self.overlay.label = None
+        self._slider = LabelSlider(self.session.label_spec)
         self._slider.set(self.session.label)
 
     # Display
@@ -360,27 +324,27 @@ class CollectScreen:
         """Open help, menu or scene panel, or close it; the menu key closes any page."""
         self._pause()
         self.devices.release()
-        shown = self._overlay.page
-        self._overlay.page = None if shown == page or (shown and page == "menu") else page
+        shown = self.overlay.page
+        self.overlay.page = None if shown == page or (shown and page == "menu") else page
         self._rebuild()
 
     def _close_page(self) -> None:
-        self._overlay.page = None
+        self.overlay.page = None
         self._rebuild()
 
     def _rebuild(self) -> None:
-        self._overlay.rebuild(self._stage)
+        self.overlay.rebuild(self._stage)
 
     def _check_pads(self) -> None:
         """Report connected and disconnected pads; a disconnection pauses the run."""
-        lost, found = self.devices.pop_disconnected(), self.devices.pop_connected()
+        lost, new = self.devices.pop_disconnected(), self.devices.pop_connected()
         if lost:
             self._pause()
             self._notify(text("notice.pad_lost", device=lost))
-        elif found:
+        elif new:
             later = self.session.ticks and not self.devices.pads_match(self.session.mappings)
             self.session.set_mappings(self.devices.mappings)
-            self._notify(text("notice.pad_later" if later else "notice.pad_found", device=found))
+            self._notify(text("notice.pad_later" if later else "notice.pad_found", device=new))
 
     def _notify(self, notice: str) -> None:
         self._notice, self._notice_left = notice, _NOTICE_SECONDS
@@ -393,8 +357,45 @@ class CollectScreen:
             runs=self._runs,
             kept=session.kept,
             contributor=session.contributor,
-            light=LIGHTS[session.state],
+            light=_LIGHTS[session.state],
             question=self._slider.shown(session.label),
-            keys=keys_of("typing" if is_typing else session.state, self._hidden),
+            keys=keys_of("typing" if is_typing else session.state, self.devices.profiles, self._hidden),
             notice=notice,
         )
+
+
+def _recovered_notice(session: Session) -> str:
+    """Notice about a run that continues from an earlier session."""
+    assert session.recovered is not None
+    notice = text("notice.recovered", time=f"{session.recovered:.1f}")
+    if session.scene.name == session.config.name:
+        return notice
+    return f"{notice} {text('notice.recovered_scenario', old=session.scene.name, new=session.config.name)}"
+
+
+def _state_notice(session: Session) -> str:
+    """Hint to a driver whose session is paused or waiting."""
+    return text(f"notice.{session.state}") if session.state in ("paused", "waiting") else ""
+
+
+def _draw_mouse_joystick(surface: pygame.Surface, joystick: MouseJoystick) -> None:
+    """Draw a ring where the mouse was pressed, and a knob at the mouse, at most on the ring."""
+    (x, y), (to_x, to_y), radius = joystick
+    dx, dy = to_x - x, to_y - y
+    distance = math.hypot(dx, dy)
+    fraction = min(radius / distance, 1.0) if distance > 0.0 else 1.0
+    knob = (round(x + dx * fraction), round(y + dy * fraction))
+    side = round(2 * radius) + 4
+    disc = pygame.Surface((side, side), pygame.SRCALPHA, 32)
+    pygame.draw.aacircle(disc, (*PAPER, 70), (side // 2, side // 2), radius)
+    surface.blit(disc, (x - side // 2, y - side // 2))
+    pygame.draw.aacircle(surface, INK, (x, y), radius, 2)
+    pygame.draw.aacircle(surface, INK, knob, radius * 0.22)
+
+
+def _draw_tint(surface: pygame.Surface, colour: Colour, alpha: int) -> None:
+    """Blend a colour over the whole picture; alpha is 0 (no effect) to 255 (only the colour)."""
+    kept = 255 - alpha
+    surface.fill((kept, kept, kept), special_flags=pygame.BLEND_RGB_MULT)
+    r, g, b = (value * alpha // 255 for value in colour)
+    surface.fill((r, g, b), special_flags=pygame.BLEND_RGB_ADD)

@@ -23,11 +23,11 @@ def provide_fonts(ui: pygame_gui.UIManager, sizes: set[int]) -> None:
     for size in sizes:
         key = known.create_font_id(size, FAMILY, False, False)
         resource = FontResource(key, size, {}, ("", False))
-        resource.loaded_font = WidgetFont(size)
+        resource.loaded_font = _WidgetFont(size)
         known.loaded_fonts[key] = resource
 
 
-class WidgetFont(IGUIFontInterface):
+class _WidgetFont(IGUIFontInterface):
     """Text of one size for pygame_gui.
 
     Args:
@@ -56,9 +56,9 @@ class WidgetFont(IGUIFontInterface):
         self, text: str, text_colour: pygame.Color, surf_size: tuple[int, int], surf_position: tuple[int, int]
     ) -> pygame.Surface:
         surface = pygame.Surface(surf_size, pygame.SRCALPHA, 32)
-        line, own = self.render_premul(text, text_colour), font(self._size)
-        excess = (line.get_height() - own.get_height()) // 2  # of glyphs above and below the letters of `font`
-        top = surf_position[1] - own.get_ascent() - excess
+        line, latin = self.render_premul(text, text_colour), font(self._size)
+        excess = (line.get_height() - latin.get_height()) // 2  # of glyphs above and below the letters of `font`
+        top = surf_position[1] - latin.get_ascent() - excess
         surface.blit(line, (surf_position[0], top), special_flags=pygame.BLEND_PREMULTIPLIED)
         return surface
 

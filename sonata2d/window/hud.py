@@ -16,11 +16,12 @@ from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, t
 from ..core.snapshot import Snapshot
 from ..view.camera import MIN_SIDE, Camera
 from ..view.canvas import PixelCanvas, put
-from ..view.draw import Layers
 from ..view.fonts import shortened, width_of
+from ..view.layers import Layers
 from ..view.legend import Legend
 from ..view.palette import FAINT, GOAL, INK, METAL, PAPER, Colour, mixed, shaded
-from .question_panel import FrameQuestion, question_panel
+from .answer import FrameQuestion
+from .question_panel import question_panel
 from .widgets import draw_notice, write
 
 Light = Literal["waiting", "recording", "paused", "frozen", "replay", "watching"]
@@ -37,6 +38,13 @@ _LIGHTS: dict[str, tuple[str, Colour]] = {  # sign and colour
     "replay": ("play", shaded(GOAL, 0.2)),
     "watching": ("eye", INK),
 }
+_SHAPES: dict[str, tuple[list[Point], ...]] = {  # polygons of signs with radius 1
+    "bars": tuple([(x, -0.9), (x + 0.6, -0.9), (x + 0.6, 0.9), (x, 0.9)] for x in (-0.8, 0.2)),
+    "square": ([(-0.85, -0.85), (0.85, -0.85), (0.85, 0.85), (-0.85, 0.85)],),
+    "triangle": ([(0.0, -1.0), (1.0, 0.8), (-1.0, 0.8)],),
+    "play": ([(1.0, 0.0), (-0.7, 1.0), (-0.7, -1.0)],),
+    "diamond": ([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)],),
+}
 _GAUGES, _KEY, _NOTICE = 560, 19, 26  # px at scale 1: width of clearance and speed, text heights of keys and notices
 _SPEED_SHARE = 0.56  # of the width of clearance and speed, left of the speed
 _MIN_KEY = 19  # px, text height of keys at any scale; 13 px without the space between lines
@@ -51,14 +59,14 @@ def _limited_scale(size: tuple[int, int], scale: float) -> float:
 
 
 @dataclass(frozen=True)
-class Pen:
+class _Pen:
     """Writes on a surface; lengths are pixels at scale 1, places are pixels of the surface."""
 
     surface: pygame.Surface
     scale: float
 
     @classmethod
-    def on(cls, surface: pygame.Surface, scale: float) -> Pen:
+    def on(cls, surface: pygame.Surface, scale: float) -> _Pen:
         """A pen of the requested scale, limited by the size of the surface."""
         return cls(surface, _limited_scale(surface.get_size(), scale))
 
@@ -114,17 +122,8 @@ class Pen:
             canvas.ring(colour, centre, r, max(r / 3, 1.5))
             if kind == "eye":
                 canvas.circle(colour, centre, r * 0.4)
-        elif kind == "bars":
-            for left in (x - 0.8 * r, x + 0.2 * r):
-                canvas.polygon(colour, _box(left, y - 0.9 * r, 0.6 * r, 1.8 * r))
-        elif kind == "square":
-            canvas.polygon(colour, _box(x - 0.85 * r, y - 0.85 * r, 1.7 * r, 1.7 * r))
-        elif kind == "triangle":
-            canvas.polygon(colour, [(x, y - r), (x + r, y + 0.8 * r), (x - r, y + 0.8 * r)])
-        elif kind == "play":
-            canvas.polygon(colour, [(x + r, y), (x - 0.7 * r, y + r), (x - 0.7 * r, y - r)])
-        elif kind == "diamond":
-            canvas.polygon(colour, [(x + r, y), (x, y + r), (x - r, y), (x, y - r)])
+        for shape in _SHAPES.get(kind, ()):
+            canvas.polygon(colour, [(x + r * a, y + r * b) for a, b in shape])
 
     def arrow(self, tip: Point, angle: float, length: float, colour: Colour) -> None:
         """Draw an arrow head that points along an angle, rad, clockwise from the right; length in pixels."""
@@ -132,10 +131,6 @@ class Pen:
         shape = [(0.0, 0.0), (-1.0, 0.62), (-0.72, 0.0), (-1.0, -0.62)]
         points = [(tip[0] + length * (a * c - b * s), tip[1] + length * (a * s + b * c)) for a, b in shape]
         PixelCanvas(self.surface).polygon(colour, points)
-
-
-def _box(left: float, top: float, width: float, height: float) -> list[Point]:
-    return [(left, top), (left + width, top), (left + width, top + height), (left, top + height)]
 
 
 @lru_cache(maxsize=128)
@@ -156,7 +151,6 @@ class Hud:
 
     Attributes:
         run, runs: number of the current run and of all runs; `runs` is None without a limit.
-        title: shown instead of the number of the run; empty to show the number.
         kept: number of runs kept so far.
         contributor: name of the driver.
         light: state of the recording.
@@ -168,7 +162,6 @@ class Hud:
 
     run: int = 1
     runs: int | None = None
-    title: str = ""
     kept: int = 0
     contributor: str = ""
     light: Light = "waiting"
@@ -180,7 +173,7 @@ class Hud:
 
 def free_area(surface: pygame.Surface, hud: Hud, *, scale: float) -> pygame.Rect:
     """The part of a surface that the readings leave free, px; all of it if that part is too small for a picture."""
-    pen = Pen.on(surface, scale)
+    pen = _Pen.on(surface, scale)
     width, height = surface.get_size()
     top = pen.gap + (2 if _has_two_rows(pen) else 1) * (pen.row + pen.gap)
     bottom = height - pen.gap
@@ -207,7 +200,7 @@ def draw_hud(
         scale: of texts and signs; limited by the size of the surface.
         origin: upper left corner of the picture on the surface, px.
     """
-    pen = Pen.on(surface, scale)
+    pen = _Pen.on(surface, scale)
     top = _draw_top(pen, hud, snapshot)
     bottom = _draw_keys(pen, hud.keys, hud.label)
     if hud.question is not None:
@@ -224,19 +217,18 @@ def draw_hud(
 # Each of the following functions returns the y coordinate at which the free part of the picture starts or ends, px.
 
 
-def _has_two_rows(pen: Pen) -> bool:
+def _has_two_rows(pen: _Pen) -> bool:
     """Whether the readings at the top need two rows, because the surface is narrow."""
     return pen.surface.get_width() < pen.px(_GAUGES + 620)  # of run, time, contributor and light
 
 
-def _draw_top(pen: Pen, hud: Hud, snapshot: Snapshot) -> int:
+def _draw_top(pen: _Pen, hud: Hud, snapshot: Snapshot) -> int:
     """Draw run, time and contributor on the left, the light on the right, clearance and speed between or below them."""
     width, gap = pen.surface.get_width(), pen.gap
     light = _draw_light(pen, hud.light)
     run = text("readings.run", number=hud.run)
     if hud.runs is not None:
         run = text("readings.run_of", number=hud.run, count=hud.runs)
-    run = hud.title or run
     kept = text("readings.kept", count=hud.kept) if hud.kept else ""
     time = text("readings.seconds", time=f"{snapshot.time:.1f}")
     parts = [run, time, kept, pen.fitted(hud.contributor, 0.2 * width)]
@@ -254,7 +246,7 @@ def _draw_top(pen: Pen, hud: Hud, snapshot: Snapshot) -> int:
     return gauges.bottom + gap
 
 
-def _draw_light(pen: Pen, light: Light) -> pygame.Rect:
+def _draw_light(pen: _Pen, light: Light) -> pygame.Rect:
     kind, colour = _LIGHTS[light]
     word = text(f"readings.{light}")
     padding, radius = pen.px(10), pen.px(7)
@@ -266,7 +258,7 @@ def _draw_light(pen: Pen, light: Light) -> pygame.Rect:
     return box
 
 
-def _draw_keys(pen: Pen, keys: tuple[tuple[str, str], ...], label: str) -> int:
+def _draw_keys(pen: _Pen, keys: tuple[tuple[str, str], ...], label: str) -> int:
     """Draw keys and their functions along the bottom, as many as fit, or a recorded label in the right corner."""
     gap, (width, height) = pen.gap, pen.surface.get_size()
     if label:
@@ -295,16 +287,16 @@ def _draw_keys(pen: Pen, keys: tuple[tuple[str, str], ...], label: str) -> int:
     return bar.top - gap
 
 
-def _key_size(pen: Pen) -> int:
+def _key_size(pen: _Pen) -> int:
     """Text height of the keys, px; not smaller than readable, and fewer keys are shown in a small window."""
     return max(pen.px(_KEY), _MIN_KEY)
 
 
-def _key_bar_height(pen: Pen) -> int:
+def _key_bar_height(pen: _Pen) -> int:
     return max(pen.row, _key_size(pen) + pen.px(6))
 
 
-def _draw_gauges(pen: Pen, snapshot: Snapshot, box: pygame.Rect) -> None:
+def _draw_gauges(pen: _Pen, snapshot: Snapshot, box: pygame.Rect) -> None:
     """Draw clearance and speed side by side; nothing for a run without a recorded robot."""
     if "robot" in snapshot.scene.unmeasured:
         return
@@ -324,9 +316,9 @@ def _draw_gauges(pen: Pen, snapshot: Snapshot, box: pygame.Rect) -> None:
         pygame.draw.rect(pen.surface, INK, bar, border_radius=pen.px(4))
 
 
-def _draw_clearance(pen: Pen, snapshot: Snapshot, place: tuple[int, int], right: int) -> None:
-    """Write what the robot touches, else the distance to the nearest pedestrian with the sign of its zone."""
-    words = clearance_words(snapshot)
+def _draw_clearance(pen: _Pen, snapshot: Snapshot, place: tuple[int, int], right: int) -> None:
+    """Write the contact of the robot, or the distance to the nearest pedestrian with the sign of its zone."""
+    words = _clearance_words(snapshot)
     nearest = _nearest(snapshot)
     sign, colour = zone_of(-math.inf if snapshot.contacts else nearest)
     if nearest == math.inf and not snapshot.contacts:
@@ -338,8 +330,8 @@ def _draw_clearance(pen: Pen, snapshot: Snapshot, place: tuple[int, int], right:
     pen.write(pen.fitted(words, right - left), (left, place[1]), colour=colour)
 
 
-def clearance_words(snapshot: Snapshot) -> str:
-    """What the robot touches, pedestrians first; else the distance to the nearest pedestrian."""
+def _clearance_words(snapshot: Snapshot) -> str:
+    """The contact of the robot, pedestrians first, or the distance to the nearest pedestrian, in words."""
     kind = touched_kind(snapshot)
     if kind is not None:
         return text(f"readings.touching_{kind}")
@@ -364,7 +356,7 @@ def zone_of(clearance: float) -> tuple[str, Colour]:
     return "ring", shaded(GOAL, 0.3)
 
 
-def _draw_goal_distance(pen: Pen, snapshot: Snapshot, camera: Camera, picture: pygame.Rect, free: pygame.Rect) -> None:
+def _draw_goal_distance(pen: _Pen, snapshot: Snapshot, camera: Camera, picture: pygame.Rect, free: pygame.Rect) -> None:
     """Write the distance to the goal next to it if it is in view, else next to an arrow at the edge towards it.
 
     Args:
@@ -402,7 +394,7 @@ def _draw_goal_distance(pen: Pen, snapshot: Snapshot, camera: Camera, picture: p
 def legend_box(
     size: tuple[int, int], snapshot: Snapshot, *, zones: bool, paths: bool = False, scale: float = 1.0
 ) -> pygame.Rect:
-    """Place of the legend on a picture of a given size, px; other arguments as those of `draw_legend`."""
+    """Place of the legend on a picture of a given size, px; other arguments as of `draw_legend`."""
     return _legend_of(size, snapshot, zones, paths, _limited_scale(size, scale))[1]
 
 
@@ -418,7 +410,7 @@ def draw_legend(
         paths: whether past paths are drawn.
         scale: of the texts; limited by the size of the surface.
     """
-    pen = Pen.on(surface, scale)
+    pen = _Pen.on(surface, scale)
     legend, box = _legend_of(surface.get_size(), snapshot, zones, paths, pen.scale)
     pen.plate(box, alpha=255)  # it covers the keys
     legend.draw(PixelCanvas(surface.subsurface(box)), pen.px(_PADDING), box.width)

@@ -10,23 +10,17 @@ from typing import NamedTuple
 import pygame
 from pygame._sdl2 import controller
 
-from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, DeviceMapping
-from ..collect.texts import text
+from ..agents.controllers.teleoperation import DeviceMapping
 from ..core.devices import DeviceEvent
 from .actions import Action, key_name, key_with_modifiers
-from .profiles import Profile, Profiles
+from .profiles import AXES, BUTTONS, DEFAULT_PROFILES, Profile, read_profiles
 
 logger = logging.getLogger(__name__)
 
-KEYBOARD, MOUSE = "keyboard", "mouse"
+_KEYBOARD, _MOUSE = "keyboard", "mouse"
 HOTPLUG_EVENTS = (
     pygame.JOYDEVICEADDED, pygame.JOYDEVICEREMOVED, pygame.CONTROLLERDEVICEADDED, pygame.CONTROLLERDEVICEREMOVED,
 )  # fmt: skip
-AXES = ("left_x", "left_y", "right_x", "right_y", "left_trigger", "right_trigger")  # index: SDL's number
-BUTTONS = (
-    "a", "b", "x", "y", "back", "guide", "start", "left_stick", "right_stick", "left_shoulder", "right_shoulder",
-    "dpad_up", "dpad_down", "dpad_left", "dpad_right", "misc1", "paddle1", "paddle2", "paddle3", "paddle4", "touchpad",
-)  # index: SDL's number  # fmt: skip
 _JITTER = 0.01  # smaller changes of an axis are noise
 _TRIGGER_REST = -0.9  # an unnamed axis that rests below this is a trigger
 _JOYSTICK_RADIUS = 0.22  # drag for a full deflection of the mouse joystick, as a fraction of the window's smaller side
@@ -34,11 +28,11 @@ _PRESSED, _RELEASED = 0.55, 0.4  # an axis triggers its action above the first, 
 _CENTRED = 0.25  # a stick closer to its centre counts as released
 _MOUSE_BUTTONS = {2: "middle_button", 3: "right_button"}  # the left button drags
 
-Key = tuple[str, str]  # device, control
-Reading = tuple[str, float, bool]  # control, value, whether it is a button
+_Key = tuple[str, str]  # device, control
+_Reading = tuple[str, float, bool]  # control, value, whether it is a button
 
 
-class Move(NamedTuple):
+class _Move(NamedTuple):
     """New value of one control, -1 to 1."""
 
     slot: str
@@ -55,22 +49,14 @@ class MouseJoystick(NamedTuple):
     radius: float
 
 
-class Device(NamedTuple):
-    """Connected device: its slot (`pad0`), readable name, and the key of its profile (the GUID of a pad)."""
-
-    slot: str
-    name: str
-    key: str
-
-
-class EventBuffer:
+class _EventBuffer:
     """Collects the values of controls between two polls; each control yields at most one event per poll."""
 
     def __init__(self) -> None:
-        self._values: dict[Key, float] = {}
-        self._reported: dict[Key, float] = {}
-        self._changed: dict[Key, None] = {}  # in the order of the changes
-        self._taps: dict[Key, float] = {}
+        self._values: dict[_Key, float] = {}
+        self._reported: dict[_Key, float] = {}
+        self._changed: dict[_Key, None] = {}  # in the order of the changes
+        self._taps: dict[_Key, float] = {}
 
     def put(self, device: str, control: str, value: float, *, is_button: bool) -> None:
         """Store the new value of a control, -1 to 1."""
@@ -100,7 +86,7 @@ class EventBuffer:
         return tuple(events)
 
     def release(self, device: str | None = None) -> None:
-        """Set all controls, or those of one device, to zero."""
+        """Set all controls, or the controls of one device, to zero."""
         for key in [key for key in self._values if device in (None, key[0])]:
             self._taps.pop(key, None)
             if self._values[key] or self._reported.get(key, 0.0):
@@ -125,34 +111,32 @@ class Pad:
 
     Attributes:
         instance: SDL's number of this connection; never reused.
-        guid: identifier of the model; the same for all devices of the model.
-        name: of the device.
+        name: of the model.
         is_controller: whether SDL has names for its controls; otherwise they are numbered.
         rest: value of each axis when the pad was connected, -1 to 1; an axis that has not moved yet gives no input.
         device: pygame's object; keeps the device open.
     """
 
     instance: int
-    guid: str
     name: str
     is_controller: bool
     rest: dict[str, float] = field(default_factory=dict)
     device: object = None
     _moved: set[str] = field(default_factory=set)
 
-    def read(self, event: pygame.Event) -> tuple[Reading, ...]:
+    def read(self, event: pygame.Event) -> tuple[_Reading, ...]:
         """Readings of the controls in an event of this device."""
         # SDL reports a named pad twice: its joystick events repeat its controller events.
         return self._read_named(event) if self.is_controller else self._read_numbered(event)
 
-    def _read_named(self, event: pygame.Event) -> tuple[Reading, ...]:
+    def _read_named(self, event: pygame.Event) -> tuple[_Reading, ...]:
         if event.type == pygame.CONTROLLERAXISMOTION and event.axis < len(AXES):
             return self._read_axis(AXES[event.axis], _scaled(event.value))
         if event.type in (pygame.CONTROLLERBUTTONDOWN, pygame.CONTROLLERBUTTONUP) and event.button < len(BUTTONS):
             return ((BUTTONS[event.button], float(event.type == pygame.CONTROLLERBUTTONDOWN), True),)
         return ()
 
-    def _read_numbered(self, event: pygame.Event) -> tuple[Reading, ...]:
+    def _read_numbered(self, event: pygame.Event) -> tuple[_Reading, ...]:
         if event.type == pygame.JOYAXISMOTION:
             return self._read_axis(f"axis{event.axis}", _clipped(float(event.value)))
         if event.type in (pygame.JOYBUTTONDOWN, pygame.JOYBUTTONUP):
@@ -162,8 +146,8 @@ class Pad:
             return ((f"hat{event.hat}_x", float(x), True), (f"hat{event.hat}_y", float(y), True))
         return ()
 
-    def _read_axis(self, control: str, value: float) -> tuple[Reading, ...]:
-        """Reading of an axis; none until the axis has left its value at connection."""
+    def _read_axis(self, control: str, value: float) -> tuple[_Reading, ...]:
+        """_Reading of an axis; none until the axis has left its value at connection."""
         rest = self.rest.setdefault(control, value)  # SDL reports the rest of an unnamed axis before its first move
         if control not in self._moved and abs(value - rest) < _JITTER:
             return ()
@@ -189,49 +173,55 @@ class SdlPads:
     def open_new(self, known: Sequence[int]) -> list[Pad]:
         """Open the connected pads whose instance is not among the known ones, in SDL's order."""
         # The device index of an event is invalid once another device was added or removed, so check all devices.
-        found = []
+        pads = []
         for index in range(pygame.joystick.get_count()):
             try:
                 pad = self._open(index, known)
             except pygame.error as error:
                 logger.warning("joystick %d cannot be opened: %s", index, error)
             else:
-                found += [pad] if pad else []
-        return found
+                pads += [pad] if pad else []
+        return pads
 
     @staticmethod
     def _open(index: int, known: Sequence[int]) -> Pad | None:
         """Open the pad at an index of SDL's list; None if it is known."""
         joystick = pygame.joystick.Joystick(index)
-        instance, guid, name = joystick.get_instance_id(), joystick.get_guid(), joystick.get_name()
+        instance, name = joystick.get_instance_id(), joystick.get_name()
         if instance in known:
             return None
         if not controller.is_controller(index):
-            return Pad(instance, guid, name, False, device=joystick)
+            return Pad(instance, name, False, device=joystick)
         pad = controller.Controller.from_joystick(joystick)
         rest = {axis: _scaled(pad.get_axis(number)) for number, axis in enumerate(AXES)}
-        return Pad(instance, guid, name, True, rest, device=(joystick, pad))
+        return Pad(instance, name, True, rest, device=(joystick, pad))
 
 
 class InputDevices:
     """Keyboard, mouse and all pads. Create it after the window is open.
 
     Args:
-        profiles: control assignments; the user's saved profiles by default.
+        profiles: control assignments, as of `read_profiles`, which reads them by default.
         pads: finds pads; SDL by default.
+
+    Attributes:
+        profiles: control assignments.
+
+    Raises:
+        ConfigError: the file of controls is wrong.
     """
 
-    def __init__(self, profiles: Profiles | None = None, pads: SdlPads | None = None) -> None:
-        self.profiles = profiles or Profiles()
+    def __init__(self, profiles: Mapping[str, Profile] | None = None, pads: SdlPads | None = None) -> None:
+        self.profiles = read_profiles() if profiles is None else profiles
         self._source = pads or SdlPads()
-        self._buffer = EventBuffer()
-        self._guids: list[str] = []  # index: slot; GUID of the last pad in it
+        self._buffer = _EventBuffer()
+        self._names: list[str] = []  # index: slot; name of the last pad in it
         self._pads: dict[int, Pad] = {}  # by slot: connected pads
         self._disconnected: list[str] = []
         self._connected: list[str] = []
-        self._pressed: set[Key] = set()
+        self._pressed: set[_Key] = set()
         self._joystick: MouseJoystick | None = None
-        self._ignored: set[Key] = set()  # controls of pads that were released by `release` while deflected
+        self._ignored: set[_Key] = set()  # controls of pads that were released by `release` while deflected
         self._has_pads = self._source.start()
         self._update_pads()
         self._connected.clear()  # pads that are there from the start are not news
@@ -249,8 +239,8 @@ class InputDevices:
             The action that the event requests, if any.
         """
         action = None
-        for move in self.moves(event, size):
-            profile = self.profile(move.slot)
+        for move in self._moves(event, size):
+            profile = self._profile(move.slot)
             if (move.slot, move.control) in self._ignored:
                 if abs(move.value) < _CENTRED:
                     self._ignored.discard((move.slot, move.control))
@@ -260,22 +250,22 @@ class InputDevices:
                 action = self._triggered(move, profile) or action
         return action
 
-    def moves(self, event: pygame.Event, size: tuple[int, int]) -> tuple[Move, ...]:
-        """Changes of controls in an event, assigned or not. Pass each event either to this or to `handle`."""
-        if event.type in HOTPLUG_EVENTS:
+    def _moves(self, event: pygame.Event, size: tuple[int, int]) -> tuple[_Move, ...]:
+        """Changes of controls in an event, assigned or not."""
+        if event.type in HOTPLUG_EVENTS:  # changes the devices, and moves no control
             self._update_pads(getattr(event, "instance_id", None))
-        elif event.type == pygame.WINDOWFOCUSLOST:
+        elif event.type == pygame.WINDOWFOCUSLOST:  # releases are not reported any more
             self.release()
         elif event.type in (pygame.KEYDOWN, pygame.KEYUP):
             return self._key_moves(event)
-        elif event.type == pygame.MOUSEWHEEL and event.y:
+        elif event.type == pygame.MOUSEWHEEL and event.y:  # a turn is a button that is pressed and released at once
             wheel = "wheel_up" if event.y > 0 else "wheel_down"
-            return Move(MOUSE, wheel, 1.0, True), Move(MOUSE, wheel, 0.0, True)
+            return _Move(_MOUSE, wheel, 1.0, True), _Move(_MOUSE, wheel, 0.0, True)
         elif event.type in (pygame.MOUSEBUTTONDOWN, pygame.MOUSEBUTTONUP, pygame.MOUSEMOTION):
             return self._mouse_moves(event, size)
         elif hasattr(event, "instance_id"):
             pads = [(slot, pad) for slot, pad in self._pads.items() if pad.instance == event.instance_id]
-            return tuple(Move(f"pad{slot}", *reading) for slot, pad in pads for reading in pad.read(event))
+            return tuple(_Move(f"pad{slot}", *reading) for slot, pad in pads for reading in pad.read(event))
         return ()
 
     def poll(self) -> tuple[DeviceEvent, ...]:
@@ -298,11 +288,8 @@ class InputDevices:
 
     def is_driving(self, events: Iterable[DeviceEvent]) -> bool:
         """Whether any of the events just polled drives: an assigned control beyond its dead zone, except the brake."""
-        values: dict[str, dict[str, float]] = {}
-        for event in events:
-            if event.value and self._has_slot(event.device):
-                values.setdefault(event.device, dict(self._buffer.reported(event.device)))[event.control] = event.value
-        demands = [self.profile(slot).mapping.read(controls) for slot, controls in values.items()]
+        slots = {event.device for event in events if event.value and self._has_slot(event.device)}
+        demands = [self._profile(slot).mapping.read(self._buffer.reported(slot)) for slot in slots]
         return any(demand[axis] for demand in demands for axis in ("ahead", "left", "turn"))
 
     # Devices
@@ -310,38 +297,18 @@ class InputDevices:
     @property
     def joystick(self) -> MouseJoystick | None:
         """The mouse joystick to draw; None while the mouse is not dragged or dragging is not assigned."""
-        return self._joystick if {"drag_x", "drag_y"} & set(self.profile(MOUSE).mapping.controls) else None
+        return self._joystick if {"drag_x", "drag_y"} & set(self._profile(_MOUSE).mapping.controls) else None
 
     @property
     def mappings(self) -> Mapping[str, DeviceMapping]:
         """Mapping of each device, for `Teleoperation`; `pad` is for devices that are connected later."""
-        pads = {f"pad{slot}": self.profiles.of(guid).mapping for slot, guid in enumerate(self._guids)}
-        fixed = {slot: self.profile(slot).mapping for slot in (KEYBOARD, MOUSE)}
-        return fixed | {"pad": DEFAULT_MAPPINGS["pad"]} | pads
+        pads = {slot: self._profile(slot).mapping for slot in (f"pad{k}" for k in range(len(self._names)))}
+        return {kind: self.profiles[kind].mapping for kind in DEFAULT_PROFILES} | pads
 
     def pads_match(self, mappings: Mapping[str, DeviceMapping]) -> bool:
         """Whether other mappings read every connected pad in the same way."""
-        own = self.mappings
-        return all(mappings.get(f"pad{k}", mappings.get("pad")) == own[f"pad{k}"] for k in self._pads)
-
-    def devices(self) -> list[Device]:
-        """All devices, keyboard and mouse first."""
-        pads = [Device(f"pad{slot}", pad.name, pad.guid) for slot, pad in sorted(self._pads.items())]
-        fixed = [Device(slot, text(f"controls.{slot}"), slot) for slot in (KEYBOARD, MOUSE)]
-        return fixed + pads
-
-    def profile_key(self, slot: str) -> str:
-        """Key of a device's profile."""
-        return self._guids[int(slot[3:])] if slot.startswith("pad") else slot
-
-    def profile(self, slot: str) -> Profile:
-        """Profile of a device."""
-        return self.profiles.of(self.profile_key(slot))
-
-    def is_named(self, slot: str) -> bool:
-        """Whether the controls of a device have names; otherwise they are numbered."""
-        pad = self._pads.get(int(slot[3:])) if slot.startswith("pad") else None
-        return pad is None or pad.is_controller
+        present = self.mappings
+        return all(mappings.get(f"pad{k}", mappings.get("pad")) == present[f"pad{k}"] for k in self._pads)
 
     def pop_disconnected(self) -> str | None:
         """Name of a device that was disconnected; each is returned once."""
@@ -353,10 +320,16 @@ class InputDevices:
 
     # Internals
 
-    def _has_slot(self, slot: str) -> bool:
-        return slot in (KEYBOARD, MOUSE) or (slot.startswith("pad") and int(slot[3:]) < len(self._guids))
+    def _profile(self, slot: str) -> Profile:
+        """Profile of a device."""
+        if not slot.startswith("pad"):
+            return self.profiles[slot]
+        return self.profiles.get(f"pads.{self._names[int(slot[3:])]}", self.profiles["pad"])
 
-    def _triggered(self, move: Move, profile: Profile) -> Action | None:
+    def _has_slot(self, slot: str) -> bool:
+        return slot in (_KEYBOARD, _MOUSE) or (slot.startswith("pad") and int(slot[3:]) < len(self._names))
+
+    def _triggered(self, move: _Move, profile: Profile) -> Action | None:
         """Action of a control at the moment it is pressed, or its axis passes the threshold; None while it is held."""
         action = None
         for control, value in ((move.control, move.value), (f"-{move.control}", -move.value)):
@@ -368,17 +341,17 @@ class InputDevices:
                 action = profile.actions.get(control, action)
         return action
 
-    def _key_moves(self, event: pygame.Event) -> tuple[Move, ...]:
+    def _key_moves(self, event: pygame.Event) -> tuple[_Move, ...]:
         """A key with Ctrl or Alt is a separate control; releasing the key releases all of its variants."""
         if event.type == pygame.KEYDOWN:
             pygame.key.set_repeat(0)  # a text field switches key repeat on, but text fields do not pass keys on
-            return (Move(KEYBOARD, key_with_modifiers(event), 1.0, True),)
+            return (_Move(_KEYBOARD, key_with_modifiers(event), 1.0, True),)
         return tuple(
-            Move(KEYBOARD, prefix + key_name(event), 0.0, True) for prefix in ("", "ctrl+", "alt+", "ctrl+alt+")
+            _Move(_KEYBOARD, prefix + key_name(event), 0.0, True) for prefix in ("", "ctrl+", "alt+", "ctrl+alt+")
         )
 
-    def _mouse_moves(self, event: pygame.Event, size: tuple[int, int]) -> tuple[Move, ...]:
-        """The left button drags the joystick; the other buttons are controls of their own."""
+    def _mouse_moves(self, event: pygame.Event, size: tuple[int, int]) -> tuple[_Move, ...]:
+        """The left button drags the joystick; each of the other buttons is a control."""
         if event.type == pygame.MOUSEMOTION:
             if self._joystick is None:
                 return ()
@@ -391,13 +364,13 @@ class InputDevices:
                 return self._move_joystick(MouseJoystick(event.pos, event.pos, max(_JOYSTICK_RADIUS * min(size), 1.0)))
             return self._move_joystick(None) if self._joystick else ()
         name = _MOUSE_BUTTONS.get(event.button)
-        return (Move(MOUSE, name, float(is_down), True),) if name else ()
+        return (_Move(_MOUSE, name, float(is_down), True),) if name else ()
 
-    def _move_joystick(self, joystick: MouseJoystick | None) -> tuple[Move, ...]:
+    def _move_joystick(self, joystick: MouseJoystick | None) -> tuple[_Move, ...]:
         """Store the mouse joystick; None releases it. Right and down are positive, as for the stick of a pad."""
         self._joystick = joystick
         x, y = ((joystick.position[i] - joystick.anchor[i]) / joystick.radius if joystick else 0.0 for i in (0, 1))
-        return Move(MOUSE, "drag_x", _clipped(x), False), Move(MOUSE, "drag_y", _clipped(y), False)
+        return _Move(_MOUSE, "drag_x", _clipped(x), False), _Move(_MOUSE, "drag_y", _clipped(y), False)
 
     def _update_pads(self, removed: int | None = None) -> None:
         """Release the pad whose instance was removed, and open new pads."""
@@ -415,11 +388,11 @@ class InputDevices:
 
     def _slot_for(self, pad: Pad) -> int:
         """The free slot that a pad of the same model had, otherwise a new slot."""
-        for slot, guid in enumerate(self._guids):
-            if guid == pad.guid and slot not in self._pads:
+        for slot, name in enumerate(self._names):
+            if name == pad.name and slot not in self._pads:
                 return slot
-        self._guids.append(pad.guid)
-        return len(self._guids) - 1
+        self._names.append(pad.name)
+        return len(self._names) - 1
 
 
 def _scaled(value: int) -> float:

@@ -21,9 +21,11 @@ from ..sim.episode import Episode
 from ..view.interpolation import between
 from ..view.painter import image_of
 from .actions import Action
-from .camera import SceneCamera
 from .hud import Hud
 from .input import InputDevices
+from .key_texts import keys_of
+from .profiles import read_profiles
+from .scene_camera import SceneCamera
 from .stage import Screen, Stage
 
 logger = logging.getLogger(__name__)
@@ -31,10 +33,9 @@ logger = logging.getLogger(__name__)
 _MAX_FAILURES = 20  # scenes in a row that cannot be laid out, before the search ends
 _REST = 2.0  # time for which an ended run stays on screen, s
 _MAX_TICKS = 20  # per frame of the window, at high speed
-_KEYS = (("P", "pause"), ("N", "next_scene"), ("R", "again"), ("+ -", "speed"), ("V", "camera"), ("Z", "zones"))
 
 
-class LiveScreen:
+class LiveScreen(Screen):
     """Runs a controller in generated scenes and shows it.
 
     Args:
@@ -49,6 +50,7 @@ class LiveScreen:
         failed: whether the controller raised an error in any run.
 
     Raises:
+        ConfigError: the file of controls is wrong.
         ControllerError: the controller does not exist.
         SceneError: the first scene cannot be laid out.
     """
@@ -60,6 +62,7 @@ class LiveScreen:
         self._controller: Controller = load_controller(controller)
         self._number, self._speed, self._paused = 0, speed, False
         self._camera, self._notice, self.failed = SceneCamera(view), "", False
+        self._profiles = read_profiles()
         self._devices: InputDevices | None = None
         self.outcomes: list[str] = []
         self._open, self._lag, self._rest = True, 0.0, _REST
@@ -67,7 +70,7 @@ class LiveScreen:
 
     def enter(self, stage: Stage) -> None:
         self._stage = stage
-        self._devices = self._devices or InputDevices()
+        self._devices = self._devices or InputDevices(self._profiles)
 
     def handle(self, event: pygame.Event) -> None:
         assert self._devices is not None
@@ -104,13 +107,10 @@ class LiveScreen:
             run=self._number + 1,
             contributor=self._name,
             light="frozen" if self._rest == math.inf else "paused" if self._paused else "watching",
-            keys=tuple((key, text(f"keys.{meaning}")) for key, meaning in _KEYS),
+            keys=keys_of("watching", self._profiles, frozenset()),
             notice=self._notice or ended,
         )
         self._camera.draw(surface, between(self.before, self.after, fraction), hud, scale=self._stage.scale)
-
-    def leave(self) -> None:
-        """Nothing needs to be saved."""
 
     @property
     def _commands(self) -> dict[Action | None, Callable[[], None]]:

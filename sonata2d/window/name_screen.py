@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Literal
 
 import pygame
 import pygame_gui
-from pygame_gui.elements import UITextEntryLine
 
 from ..collect.texts import text
+from ..core.labels import LabelSpec
 from ..errors import Sonata2dError
 from ..view.palette import FLOOR
 from .actions import Action
+from .answer import Answer
 from .cards import Card
 from .stage import Screen, Stage
 
-Role = Literal["driver", "rater"]
-_ENTRY = 42  # height of the text field, px at scale 1
+_Role = Literal["driver", "rater"]
+_NAME = LabelSpec("text", when="run")
 
 
-class NameScreen:
+class NameScreen(Screen):
     """Asks for a name and continues with the screen made from it.
 
     Args:
@@ -28,19 +30,17 @@ class NameScreen:
         role: `driver` or `rater`.
 
     Attributes:
-        entry: field of the name, while the screen is shown.
+        answer: field of the name, while the screen is shown.
     """
 
-    def __init__(self, follow: Callable[[str], Screen], *, role: Role = "driver") -> None:
+    def __init__(self, follow: Callable[[str], Screen], *, role: _Role = "driver") -> None:
         self._follow, self._role = follow, role
-        self._name = self._problem = ""  # the field is empty at first: the next driver is another one
-        self.entry: UITextEntryLine | None = None
+        self._problem = ""
+        self.answer: Answer | None = None  # the field is empty at first: the next driver is another one
         self._following: Screen | None = self
 
     def enter(self, stage: Stage) -> None:
         self._stage = stage
-        if self.entry is not None:
-            self._name = self.entry.get_text()
         buttons = [(text("name.start"), Action.CONFIRM), (text("name.quit"), Action.QUIT)]
         self._card = Card(
             stage.ui,
@@ -49,25 +49,23 @@ class NameScreen:
             [text(f"name.{self._role}_line")],
             buttons,
             warning=self._problem,
-            free_height=lambda _, scale: round(_ENTRY * scale),
+            free_height=partial(Answer.height_of, _NAME),
         )
-        self.entry = UITextEntryLine(self._card.free, stage.ui, initial_text=self._name)
-        stage.ui.set_focus_set(self.entry)
+        name = self.answer.label if self.answer is not None else None
+        self.answer = Answer(_NAME, stage.ui, self._card.free, self._card.scale, name)
 
     def handle(self, event: pygame.Event) -> None:
         pressed = self._card.pressed(event)
         escaped = event.type == pygame.KEYDOWN and event.key == pygame.K_ESCAPE
-        assert self.entry is not None
+        assert self.answer is not None
         if event.type == pygame.QUIT or pressed is Action.QUIT or escaped:
             self._following = None
         elif pressed is Action.CONFIRM or event.type == pygame_gui.UI_TEXT_ENTRY_FINISHED:
-            self._name = self.entry.get_text()
             try:
-                self._following = self._follow(self._name)
-            except Sonata2dError as error:
+                self._following = self._follow(self.answer.label or "")
+            except Sonata2dError as error:  # such as a name that cannot be used
                 self._problem = str(error)
-                self._card.kill()
-                self.entry.kill()
+                self._stage.ui.clear_and_reset()
                 self.enter(self._stage)
 
     def advance(self, seconds: float) -> Screen | None:
@@ -76,6 +74,3 @@ class NameScreen:
     def draw(self, surface: pygame.Surface) -> None:
         surface.fill(FLOOR)
         self._card.draw(surface)
-
-    def leave(self) -> None:
-        """Nothing needs to be saved."""

@@ -1,36 +1,19 @@
-"""Playback of recorded runs: position and speed, the list of files, pictures and exports, and text summaries."""
+"""Playback of a recorded run: position and speed, and the bar that shows and changes the position."""
 
 from __future__ import annotations
-
-import logging
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
 
 import pygame
 
 from ..collect.texts import text
-from ..core.devices import DeviceEvent, View
-from ..core.labels import LabelSpec
-from ..core.scene import Scene
-from ..core.snapshot import Contact, Snapshot
-from ..errors import RecordError
-from ..record.reader import read_episode
+from ..core.snapshot import Snapshot
 from ..record.record import EpisodeRecord
-from ..view.annotations import value_text
-from ..view.camera import Camera
-from ..view.draw import Layers
 from ..view.interpolation import between
-from ..view.painter import Painter
-from ..view.stills import save_moment
+from ..view.palette import BLUE, GRID, PAPER, VERMILLION
 from ..view.trails import Trails
-from .answer import answer_text
+from .widgets import Drag
 
-logger = logging.getLogger(__name__)
-
-SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+_SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 _TRAIL = 8.0  # length of the trails, s
-_MIN_ZOOM, _MAX_ZOOM = 0.5, 4.0
 
 
 class Player:
@@ -55,7 +38,7 @@ class Player:
     """
 
     def __init__(
-        self, record: EpisodeRecord, *, speed: float = 1.0, playing: bool = True, speeds: tuple[float, ...] = SPEEDS
+        self, record: EpisodeRecord, *, speed: float = 1.0, playing: bool = True, speeds: tuple[float, ...] = _SPEEDS
     ) -> None:
         if not speed > 0.0:
             raise ValueError(f"speed is {speed}; it must be a number above 0")
@@ -93,10 +76,24 @@ class Player:
         return self._snapshot(self.index)
 
     @property
-    def between(self) -> tuple[Snapshot, Snapshot, float]:
-        """The snapshots before and after the position, and the fraction of the way between them, 0 to 1."""
+    def moment(self) -> Snapshot:
+        """State at the position, interpolated between two snapshots."""
         before = self.index
-        return self._snapshot(before), self._snapshot(min(before + 1, self.last)), self._position - before
+        after = self._snapshot(min(before + 1, self.last))
+        return between(self._snapshot(before), after, self._position - before)
+
+    @property
+    def trails(self) -> Trails:
+        """Paths of the last seconds, from the arrays of the file."""
+        states, end = self.record.states, self.index + 1
+        part = slice(max(end - round(_TRAIL / self.dt), 0), end)
+        return Trails(states.time[part], states.robot[part, :2], states.humans[part, :, :2], is_tail=True)
+
+    @property
+    def time_text(self) -> str:
+        """Position, length and speed of the playback as text."""
+        time, length = f"{self.time:.1f}", f"{self.length:.1f}"
+        return text("player.time", time=time, length=length, speed=f"{self.speed:g}")
 
     def advance(self, seconds: float) -> None:
         """Play for a span of real time; playback stops at the end."""
@@ -157,209 +154,47 @@ class Player:
         return self._snapshots[index]
 
 
-class Playlist:
-    """Files in order, one of which is open; files that cannot be read are skipped.
+class Timeline:
+    """Progress bar of a played run, which can be dragged.
 
     Args:
-        paths: of the files.
-
-    Attributes:
-        record: the open run.
-        index: of the open file, from 0.
-        skipped: error of the file skipped last when the list was opened; None if there is none.
-
-    Raises:
-        RecordError: none of the files can be read; the error of the last one.
+        player: of the run.
+        box: px.
+        scale: of the bar and its marks.
+        draggable: whether the mouse moves it.
+        show_contacts: whether the starts of contacts are marked.
     """
 
-    def __init__(self, paths: Sequence[Path]) -> None:
-        self._paths = list(paths)
-        opened, skipped = self._open(0, 1)
-        if opened is None:
-            raise skipped[-1] if skipped else RecordError("there is no file to view; give a folder that has episodes")
-        self.index, self.record = opened
-        self.skipped = skipped[-1] if skipped else None
+    def __init__(
+        self,
+        player: Player,
+        box: pygame.Rect,
+        *,
+        scale: float = 1.0,
+        draggable: bool = True,
+        show_contacts: bool = True,
+    ) -> None:
+        self.player, self.box, self.draggable, self._unit = player, box, draggable, scale
+        self._marks = player.contacts() if show_contacts else []
+        self._drag = Drag(box, box.inflate(12, 8), player.seek)
 
-    def __len__(self) -> int:
-        return len(self._paths)
+    def handle(self, event: pygame.Event) -> bool:
+        """Process an event; returns True if the timeline has used it."""
+        return self.draggable and self._drag.handle(event)
 
-    def move(self, direction: int) -> str:
-        """Open the next (1) or previous (-1) readable file; returns a notice for the user, or an empty text."""
-        opened, skipped = self._open(self.index + direction, direction)
-        notice = text("notice.skipped", problem=skipped[-1]) if skipped else ""
-        if opened is None:
-            end = text("notice.last_file" if direction > 0 else "notice.first_file")
-            return f"{end}; {notice}" if notice else end
-        self.index, self.record = opened
-        return notice
-
-    def _open(self, index: int, direction: int) -> tuple[tuple[int, EpisodeRecord] | None, list[RecordError]]:
-        """The first readable file from an index on, and the errors of the files skipped before it."""
-        skipped: list[RecordError] = []
-        while 0 <= index < len(self._paths):
-            try:
-                return (index, read_episode(self._paths[index])), skipped
-            except RecordError as error:
-                logger.warning("skipped: %s", error)
-                skipped.append(error)
-                index += direction
-        return None, skipped
-
-
-class Exporter:
-    """Draws the moment that a player shows, on a surface or into a file.
-
-    Args:
-        player: of a recorded run.
-        view: `top` (the whole room) or `follow` (above the robot, which points up).
-        like: exporter of another run; its view, layers and zoom are taken over.
-
-    Attributes:
-        zones, trails: whether personal space and trails are drawn.
-        zoom: scale factor, 1 by default.
-    """
-
-    def __init__(self, player: Player, *, view: View = "top", like: Exporter | None = None) -> None:
-        self.player = player
-        self.view: View = like.view if like else view
-        self.zones: bool = like.zones if like else False
-        self.trails: bool = like.trails if like else False
-        self.zoom: float = like.zoom if like else 1.0
-        self._painter = Painter(player.record.scene())
-
-    @property
-    def moment(self) -> Snapshot:
-        """State at the player's position, interpolated between two ticks."""
-        return between(*self.player.between)
-
-    def draw(self, surface: pygame.Surface) -> Camera:
-        """Draw the moment on a surface; returns the camera of the picture."""
-        layers = Layers(zones=self.zones, caption=False)
-        return self._painter.draw(
-            surface, self.moment, view=self.view, layers=layers, zoom=self.zoom, trails=self._trails()
-        )
-
-    def switch_view(self) -> None:
-        """Select the other view."""
-        self.view = "top" if self.view == "follow" else "follow"
-
-    def zoom_by(self, factor: float) -> None:
-        """Multiply the zoom, within 0.5 to 4."""
-        self.zoom = min(max(self.zoom * factor, _MIN_ZOOM), _MAX_ZOOM)
-
-    def save(self, folder: Path, suffix: str) -> Path:
-        """Write the moment into a folder as `.png` or `.svg`.
-
-        Returns:
-            The path of the picture.
-
-        Raises:
-            RenderError: the file cannot be written.
-        """
-        name = self.player.record.path.name.split(".")[0]
-        path = folder / f"{name}_t{self.player.snapshot.tick:04d}{suffix}"
-        layers = Layers(zones=self.zones, legend=True)
-        save_moment(path, self.moment, view=self.view, layers=layers, trails=self._trails())
-        return path
-
-    def _trails(self) -> Trails | None:
-        """Paths of the last seconds, from the arrays of the file."""
-        if not self.trails:
-            return None
-        states, end = self.player.record.states, self.player.index + 1
-        part = slice(max(end - round(_TRAIL / self.player.dt), 0), end)
-        return Trails(states.time[part], states.robot[part, :2], states.humans[part, :, :2], is_tail=True)
-
-
-# Text summaries
-
-
-def playing_time(player: Player) -> str:
-    """Position, length and speed of the playback."""
-    time, length = f"{player.time:.1f}", f"{player.length:.1f}"
-    return text("player.time", time=time, length=length, speed=f"{player.speed:g}")
-
-
-def frame_summary(record: EpisodeRecord, snapshot: Snapshot, index: int) -> list[str]:
-    """Command, contacts and device events of a tick, one text each.
-
-    Args:
-        record: the run.
-        snapshot: the state at the tick.
-        index: of the tick; T, the final snapshot, has no command.
-    """
-    texts = []
-    if index < len(record) and "robot" not in snapshot.scene.unmeasured:
-        vx, vy, omega = (f"{value:+.2f}" for value in record.command[index].tolist())
-        is_sideways = bool(record.command[index, 1])
-        texts.append(
-            text("player.command_sideways", ahead=vx, left=vy, turn=omega)
-            if is_sideways
-            else text("player.command", ahead=vx, turn=omega)
-        )
-    if snapshot.robot.guarded:
-        texts.append(text("player.guarded"))
-    texts += [_contact_text(contact, snapshot.scene) for contact in snapshot.contacts]
-    return texts + [_event_text(event) for event in snapshot.events]
-
-
-def frame_label(record: EpisodeRecord, index: int) -> str:
-    """The label of a frame as text; empty if it has none."""
-    frames = record.document["frames"]
-    label = frames[index].get("label") if index < len(frames) else None
-    return "" if label is None else label_text(label, record.label_spec)
-
-
-def run_summary(record: EpisodeRecord) -> list[tuple[str, str]]:
-    """Keys of names (`player.…`) and values that describe the whole run; absent values are left out."""
-    outcome, spec = record.outcome, record.label_spec
-    entries = [
-        ("file", record.path.name),
-        ("scenario", text("player.scenario_value", name=record.family, seed=record.seed, episode=record.episode)),
-        ("driven_by", record.controller_info.path),
-        ("contributor", record.contributor or ""),
-        (
-            "outcome",
-            text("player.outcome_value", status=outcome.status, reason=outcome.reason, time=f"{outcome.time:.1f}"),
-        ),
-        ("question", spec.question),
-        ("label", "" if record.label is None else label_text(record.label, spec)),
-        ("context", record.context or ""),
-    ]
-    return [(name, value) for name, value in entries if value]
-
-
-def label_text(label: Any, spec: LabelSpec) -> str:
-    """A label as text.
-
-    >>> label_text({"label": 2}, LabelSpec("classes", classes=("poor", "fair")))
-    'label: 2 fair'
-    """
-    if isinstance(label, dict):
-        return ", ".join(f"{name}: {_value_text(v, spec if name == spec.name else None)}" for name, v in label.items())
-    return _value_text(label, spec)
-
-
-def _contact_text(contact: Contact, scene: Scene) -> str:
-    """What the robot touches, and which of the two is at fault."""
-    types = {item.id: item.type for item in scene.furniture}
-    name = types.get(contact.id, "object") if contact.kind == "object" else contact.kind
-    fault = {(True, False): "robot", (False, True): "other", (True, True): "both"}.get(
-        (contact.robot_at_fault, contact.other_at_fault)
-    )
-    if fault is None:
-        return text("player.touches", what=name, number=contact.id)
-    return text("player.touches_fault", what=name, number=contact.id, fault=text(f"player.fault_{fault}"))
-
-
-def _event_text(event: DeviceEvent) -> str:
-    return f"{event.device} {event.control} {event.value:g}"
-
-
-def _value_text(value: Any, spec: LabelSpec | None) -> str:
-    """One value; the answer to a question in its own words."""
-    if spec is not None and spec.kind != "command":
-        return answer_text(value, spec)
-    if isinstance(value, bool):
-        return text("question.yes" if value else "question.no")
-    return f"{value:.2f}" if isinstance(value, float) else value_text(value)
+    def draw(self, surface: pygame.Surface) -> None:
+        box, u = self.box, self._unit
+        x, y = box.left + round(self.player.fraction * box.width), box.centery
+        half, corner = round(3 * u), round(3 * u)
+        track = pygame.Rect(box.left, y - half, box.width, 2 * half)
+        pygame.draw.rect(surface, GRID, track, border_radius=corner)
+        pygame.draw.rect(surface, BLUE, (box.left, y - half, x - box.left, 2 * half), border_radius=corner)
+        for mark in self._marks:
+            at = box.left + round(mark * box.width)
+            pygame.draw.line(surface, VERMILLION, (at, y - 4 * u), (at, y + 4 * u), max(round(2 * u), 1))
+            pygame.draw.polygon(
+                surface, VERMILLION, [(at, y - 5 * u), (at - 4 * u, y - 11 * u), (at + 4 * u, y - 11 * u)]
+            )
+        if self.draggable:
+            pygame.draw.circle(surface, PAPER, (x, y), 9 * u)
+            pygame.draw.aacircle(surface, BLUE, (x, y), 9 * u, max(round(3 * u), 1))

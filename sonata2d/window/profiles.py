@@ -1,63 +1,45 @@
-"""Settings kept between sessions: what each control of a device does."""
+"""Profiles of devices: the default controls in `controls.toml`, and the user's file of this name that changes them."""
 
 from __future__ import annotations
 
-import json
-import logging
 import os
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+import re
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Literal
 
 import platformdirs
+import pygame
+from pydantic import Field, ValidationError
 
-from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, Axis, DeviceMapping
-from ..collect.texts import text
-from ..errors import RecordError
+from ..agents.controllers.teleoperation import Axis, DeviceMapping
+from ..core.bounds import Fraction
+from ..errors import ConfigError
 from ..record.files import write_atomically
-from .actions import KEYBOARD_ACTIONS, MOUSE_ACTIONS, PAD_ACTIONS, Action, control_text
-
-logger = logging.getLogger(__name__)
+from ..registry import did_you_mean
+from ..scenegen.scenario.base import Settings
+from ..scenegen.scenario.parse import parse_settings
+from ..scenegen.scenario.problems import problem_of
+from .actions import Action
 
 FOLDER_VARIABLE = "SONATA2D_CONFIG"
-_DEVICES = "devices.json"
-_ACTIONS = {"keyboard": KEYBOARD_ACTIONS, "mouse": MOUSE_ACTIONS}
-_MIN_MOVE = 0.6  # deflection that selects a control for a new assignment
-_MODIFIERS = frozenset(f"{side} {key}" for side in ("left", "right") for key in ("ctrl", "shift", "alt", "meta"))
-_RESERVED = frozenset({"escape", "delete", "f12", "caps lock", "numlock", ""}) | _MODIFIERS  # cannot be assigned
-_STICKS = {"left": "left_stick", "right": "right_stick", "drag": "drag"}
-_STICK_ENDS = {f"{stick}_{axis}": ends for stick in _STICKS for axis, ends in
-               (("x", ("left", "right")), ("y", ("up", "down")))}  # fmt: skip
+AXES = ("left_x", "left_y", "right_x", "right_y", "left_trigger", "right_trigger")  # index: SDL's number
+BUTTONS = (
+    "a", "b", "x", "y", "back", "guide", "start", "left_stick", "right_stick", "left_shoulder", "right_shoulder",
+    "dpad_up", "dpad_down", "dpad_left", "dpad_right", "misc1", "paddle1", "paddle2", "paddle3", "paddle4", "touchpad",
+)  # index: SDL's number  # fmt: skip
 
-
-class Drive(NamedTuple):
-    """One direction of driving: an axis of the robot, and the sign along it, 1 or -1."""
-
-    axis: Axis
-    sign: float
-    name: str
-
-    @property
-    def text(self) -> str:
-        """Description for the controls page."""
-        return text(f"action.{self.name}")
-
-
-Target = Drive | Action
-DRIVES = (
-    Drive("ahead", 1.0, "ahead"),
-    Drive("ahead", -1.0, "back"),
-    Drive("turn", 1.0, "turn_left"),
-    Drive("turn", -1.0, "turn_right"),
-    Drive("left", 1.0, "left"),
-    Drive("left", -1.0, "right"),
-    Drive("brake", 1.0, "brake"),
-)
-TARGETS: tuple[Target, ...] = (  # Esc is fixed, and a new driver takes over by the menu only
-    *DRIVES,
-    *(action for action in Action if action not in (Action.MENU, Action.NEW_PERSON)),
-)
+_Direction = Literal["ahead", "back", "turn_left", "turn_right", "left", "right", "brake"]
+_DIRECTIONS: Mapping[_Direction, tuple[Axis, float]] = {
+    "ahead": ("ahead", 1.0), "back": ("ahead", -1.0), "turn_left": ("turn", 1.0), "turn_right": ("turn", -1.0),
+    "left": ("left", 1.0), "right": ("left", -1.0), "brake": ("brake", 1.0),
+}  # fmt: skip
+_FIXED = ("escape", "f12")  # keys of the menu and of screenshots, which every screen has
+_MOUSE = ("drag_x", "drag_y", "wheel_up", "wheel_down", "middle_button", "right_button")
+_NUMBERED = re.compile(r"(axis|button)\d+|hat\d+_[xy]")  # controls of devices without names in SDL
+_DEFAULTS = Path(__file__).with_name("controls.toml")
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,179 +57,144 @@ class Profile:
     mapping: DeviceMapping
     actions: Mapping[str, Action]
 
-    @classmethod
-    def default(cls, key: str) -> Self:
-        """Default profile of `keyboard`, `mouse`, or a pad (any other key)."""
-        return cls(DEFAULT_MAPPINGS.get(key, DEFAULT_MAPPINGS["pad"]), _ACTIONS.get(key, PAD_ACTIONS))
+    def controls_of(self, *targets: Axis | Action) -> dict[str, float]:
+        """The controls that drive along an axis of the robot, with their gains, or that request an action, with 1."""
+        driving = {control: gain for control, (axis, gain) in self.mapping.controls.items() if axis in targets}
+        return driving | {control: 1.0 for control, action in self.actions.items() if action in targets}
 
-    @classmethod
-    def from_settings(cls, settings: Mapping[str, Any]) -> Self:
-        """Inverse of `settings`.
+
+class _DeviceSettings(Settings):
+    """The tables of one device in the file; None for a table, or a number, that is left out."""
+
+    dead_zone: Fraction | None = None
+    curve: Fraction | None = None
+    drive: dict[str, _Direction] | None = None
+    actions: dict[str, Action] | None = None
+
+    def profile(self, device: str, default: Profile) -> Profile:
+        """The default profile, in which the tables of the file replace the default tables.
 
         Raises:
-            ValueError, KeyError, TypeError, AttributeError: the settings do not describe a profile.
+            ConfigError: a control or an action does not exist, or a control has two uses.
         """
-        actions = {str(control): Action(action) for control, action in settings["actions"].items()}
-        return cls(DeviceMapping.from_settings(settings["hand"]), actions)
-
-    def settings(self) -> dict[str, Any]:
-        """The profile as a JSON object."""
-        return {"hand": self.mapping.settings(), "actions": {control: str(a) for control, a in self.actions.items()}}
-
-    def assigned(self, target: Target, control: str, value: float) -> Profile:
-        """Copy in which a control does this and nothing else.
-
-        A key or button is added to those that did it before; a stick replaces another stick.
-
-        Args:
-            target: what the control does.
-            control: its name.
-            value: its deflection while it was selected, -1 to 1; the sign selects the half of an axis.
-        """
-        sign = 1.0 if value > 0 else -1.0
-        if isinstance(target, Drive):
-            both = (control, f"-{control}")
-            free = self._without(both, both)
-            controls = dict(free.mapping.controls)
-            if has_two_ends(control):
-                controls = {c: a for c, a in controls.items() if a[0] != target.axis or not has_two_ends(c)}
-            controls[control] = (target.axis, target.sign * sign)
-            return replace(free, mapping=replace(free.mapping, controls=controls))
-        end = control if sign > 0 else f"-{control}"
-        free = self._without((control, end), (end,))
-        return replace(free, actions={**free.actions, end: target})
-
-    def cleared(self, target: Target) -> Profile:
-        """Copy in which no control does this. A stick that did it loses its opposite direction as well."""
-        if isinstance(target, Drive):
-            driving = [c for c, (axis, gain) in self.mapping.controls.items() if _drives(c, axis, gain, target)]
-            return self._without(driving, driving)
-        return self._without((), [c for c, action in self.actions.items() if action == target])
-
-    def texts(self, target: Target, *, named: bool) -> str:
-        """Readable names of the controls that do this, of a device whose controls are named or numbered."""
-        if isinstance(target, Drive):
-            controls = self.mapping.controls.items()
-            ends = [(c, target.sign * gain) for c, (axis, gain) in controls if _drives(c, axis, gain, target)]
-            texts = [_end_text(c, sign) for c, sign in ends if _is_numbered(c) is not named]
-        else:
-            own = [c for c, action in self.actions.items() if action == target]
-            texts = [control_text(c) for c in own if _is_numbered(c.lstrip("-")) is not named]
-        return ", ".join(texts)
-
-    def _without(self, driving: Collection[str], acting: Collection[str]) -> Profile:
-        """Copy in which some controls do not drive, and some do not request actions."""
-        controls = {c: assignment for c, assignment in self.mapping.controls.items() if c not in driving}
-        actions = {c: action for c, action in self.actions.items() if c not in acting}
-        return Profile(replace(self.mapping, controls=controls), actions)
+        for table, entries in (("drive", self.drive), ("actions", self.actions)):
+            for control in entries or ():
+                _require_control(device, control, f"{device}.{table}")
+        base = default.mapping
+        controls = base.controls if self.drive is None else {c: _DIRECTIONS[d] for c, d in self.drive.items()}
+        actions = default.actions if self.actions is None else self.actions
+        if device == "keyboard":
+            actions = {"escape": Action.MENU, **actions}
+        for control, action in actions.items():
+            if control in controls:
+                raise ConfigError(
+                    f"{device}: {control!r} drives ({controls[control][0]}) and requests {str(action)!r};"
+                    f" list it in one of the tables [{device}.drive] and [{device}.actions] only"
+                )
+        dead_zone = base.dead_zone if self.dead_zone is None else min(self.dead_zone, 0.9999)
+        return Profile(DeviceMapping(controls, dead_zone, base.curve if self.curve is None else self.curve), actions)
 
 
-def is_assignable(control: str, value: float) -> bool:
-    """Whether a move selects a control for a new assignment: far enough, and not a reserved key."""
-    return abs(value) >= _MIN_MOVE and control not in _RESERVED
+class _FileSettings(Settings):
+    """The file of controls."""
+
+    keyboard: _DeviceSettings = _DeviceSettings()
+    mouse: _DeviceSettings = _DeviceSettings()
+    pad: _DeviceSettings = _DeviceSettings()
+    pads: dict[str, _DeviceSettings] = Field(default_factory=dict)
 
 
-def has_two_ends(control: str) -> bool:
-    """Whether a control moves both ways from its rest, like a stick and unlike a button."""
-    return control in _STICK_ENDS or (_is_numbered(control) and not control.startswith("button"))
+def controls_file() -> Path:
+    """Path of the file of controls: in the folder that the variable SONATA2D_CONFIG names, or in the user's own."""
+    folder = os.environ.get(FOLDER_VARIABLE) or platformdirs.user_config_path("sonata2d", appauthor=False)
+    return Path(folder) / _DEFAULTS.name
 
 
-def _is_numbered(control: str) -> bool:
-    """Whether the control is of a device without names in SDL: `axis0`, `button3`, `hat0_x`."""
-    return control[:-1].startswith(("axis", "button", "hat")) and control.rstrip("_xy")[-1:].isdigit()
-
-
-def _drives(control: str, axis: Axis, gain: float, target: Drive) -> bool:
-    return axis == target.axis and (has_two_ends(control) or gain * target.sign > 0)
-
-
-def _end_text(control: str, sign: float) -> str:
-    """Readable name of one end of a driving control: `left stick up`."""
-    if control in _STICK_ENDS:
-        return text(f"control.{_STICKS[control[:-2]]}_{_STICK_ENDS[control][sign > 0]}")
-    if has_two_ends(control):
-        name = control_text(control if sign > 0 else f"-{control}")
-        return text("control.plus", control=name) if sign > 0 and "hat" not in control else name
-    return control_text(control)
-
-
-class Profiles:
-    """The profiles of all devices, stored in `devices.json`: by GUID for pads, `keyboard` and `mouse`.
+def read_profiles(path: Path | None = None) -> dict[str, Profile]:
+    """Read the file of controls; without a file, the defaults.
 
     Args:
-        folder: of the file; by default the folder named by the variable SONATA2D_CONFIG, or the user's own.
+        path: of the file; `controls_file()` by default.
 
-    Attributes:
-        notice: message for the driver about a problem with the file; empty if there is none.
+    Returns:
+        The profiles of `keyboard`, `mouse`, `pad`, and `pads.NAME` for pads of a name.
+
+    Raises:
+        ConfigError: the file cannot be read, or a key or value is wrong; names the file, the key and the value.
     """
+    path = path or controls_file()
+    if not path.exists():
+        return dict(DEFAULT_PROFILES)
+    try:
+        return _profiles_in(path, DEFAULT_PROFILES)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error} (correct the file, or delete it to use the default controls)") from None
 
-    def __init__(self, folder: Path | None = None) -> None:
-        self._path = (folder or config_folder()) / _DEVICES
-        self.notice = ""
-        self._devices: dict[str, Profile] = {}
-        read = read_json(self._path)
+
+def write_default_controls(path: Path | None = None) -> Path:
+    """Write the default controls to a new file, to be edited.
+
+    Args:
+        path: of the file; `controls_file()` by default.
+
+    Returns:
+        The path.
+
+    Raises:
+        ConfigError: the file exists.
+        RecordError: the file cannot be written.
+    """
+    path = path or controls_file()
+    if path.exists():
+        raise ConfigError(f"{path} exists; edit it, or delete it first")
+    write_atomically(path, _DEFAULTS.read_bytes())
+    return path
+
+
+def _profiles_in(path: Path, defaults: Mapping[str, Profile]) -> dict[str, Profile]:
+    """The profiles of a file, by device, with defaults for the tables that it leaves out."""
+    settings = parse_settings(path, "file of controls")
+    try:
+        file = _FileSettings.model_validate(settings)
+    except ValidationError as error:
+        raise ConfigError(problem_of(settings, error)[1]) from None
+    profiles = {name: getattr(file, name).profile(name, default) for name, default in defaults.items()}
+    pads = {f"pads.{name}": device for name, device in file.pads.items()}
+    return profiles | {name: device.profile(name, profiles["pad"]) for name, device in pads.items()}
+
+
+def _require_control(device: str, control: str, place: str) -> None:
+    """Require that a device has a control.
+
+    Raises:
+        ConfigError: it has not, or the control has a fixed use.
+    """
+    if device == "keyboard":
+        key = control.removeprefix("ctrl+").removeprefix("alt+")
+        if key in _FIXED:
+            raise ConfigError(f"{place}.{control}: this key has a fixed use; choose another key")
+        if key != key.lower() or not _is_key(key):
+            raise ConfigError(f"{place}.{control}: no key has this name; names are like w, up, page up, [4] and ctrl+z")
+        return
+    known = _MOUSE if device == "mouse" else (*AXES, *BUTTONS)
+    control = control.removeprefix("-") if place.endswith("actions") else control  # the negative half of an axis
+    if control not in known and not (device != "mouse" and _NUMBERED.fullmatch(control)):
+        hint = did_you_mean(control, known) or f"; controls are {', '.join(known)}"
+        numbered = "" if device == "mouse" else ", or axis0, button3, hat0_x for devices whose controls have no names"
+        raise ConfigError(f"{place}.{control}: there is no such control{hint}{numbered}")
+
+
+def _is_key(name: str) -> bool:
+    """Whether SDL knows a key of this name."""
+    with warnings.catch_warnings():  # pygame warns before the window is open, but names do not depend on it
+        warnings.simplefilter("ignore")
         try:
-            self._devices = {key: Profile.from_settings(one) for key, one in read.get("devices", {}).items()}
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            self.notice = set_aside(self._path, f"has invalid entries ({error})")
-
-    def of(self, key: str) -> Profile:
-        """Profile of a device; the default profile if none is stored."""
-        return self._devices.get(key) or Profile.default(key)
-
-    def put(self, key: str, profile: Profile) -> None:
-        """Use this profile from now on; `save` writes it."""
-        self._devices[key] = profile
-
-    def save(self) -> bool:
-        """Write the profiles; returns False and sets `notice` if that fails."""
-        settings = {"devices": {key: profile.settings() for key, profile in self._devices.items()}}
-        self.notice = write_json(self._path, settings)
-        return not self.notice
+            pygame.key.key_code(name)
+        except ValueError:
+            return False
+    return True
 
 
-def config_folder() -> Path:
-    """Folder of the settings."""
-    return Path(os.environ.get(FOLDER_VARIABLE) or platformdirs.user_config_path("sonata2d", appauthor=False))
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """Read a JSON object; empty if the file does not exist. A damaged file is set aside."""
-    try:
-        read = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return {}
-    except OSError as error:
-        logger.warning("%s cannot be read: %s", path, error.strerror or error)
-        return {}
-    except (ValueError, RecursionError) as error:
-        set_aside(path, f"is damaged ({error})")
-        return {}
-    if not isinstance(read, dict):
-        set_aside(path, "is not a JSON object")
-        return {}
-    return read
-
-
-def set_aside(path: Path, reason: str) -> str:
-    """Rename a file that cannot be used, so that it is not overwritten; returns a message for the driver."""
-    aside = path.with_name(path.name + ".damaged")
-    try:
-        os.replace(path, aside)
-    except OSError as error:
-        notice = f"{path} {reason} and cannot be renamed: {error.strerror or error}; default settings are used"
-    else:
-        notice = f"{path} {reason}; it was renamed to {aside.name}, and default settings are used"
-    logger.warning("%s", notice)
-    return notice
-
-
-def write_json(path: Path, content: Mapping[str, Any]) -> str:
-    """Replace a file as a whole, or leave it unchanged; returns an error message or an empty text."""
-    try:
-        write_atomically(path, json.dumps(content, indent=2, sort_keys=True).encode())
-    except RecordError as error:
-        notice = f"{error}; set {FOLDER_VARIABLE} to another folder"
-        logger.warning("%s", notice)
-        return notice
-    return ""
+DEFAULT_PROFILES: Mapping[str, Profile] = _profiles_in(
+    _DEFAULTS, dict.fromkeys(("keyboard", "mouse", "pad"), Profile(DeviceMapping({}), {}))
+)

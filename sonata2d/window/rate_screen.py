@@ -12,30 +12,16 @@ from pygame_gui.elements import UIButton
 from ..collect.rating import RatingSession
 from ..collect.texts import text
 from ..core.devices import View
-from ..core.labels import LabelSpec
 from ..errors import RecordError
-from ..record.record import EpisodeRecord
 from ..view.fonts import wrapped
 from ..view.palette import BLUE, FAINT, FLOOR, VERMILLION
 from .actions import Action
 from .answer import Answer, question_of
-from .cards import Card, percent_done, rating_break, rating_end, rating_start
-from .playback import Exporter, Player, playing_time
+from .cards import Card
+from .playback import Player, Timeline
+from .scene_camera import SceneCamera
 from .stage import Screen, Stage
-from .widgets import (
-    LARGE,
-    MINUS,
-    PLUS,
-    SMALL,
-    TEXT,
-    Timeline,
-    button_row,
-    draw_panel,
-    line_height,
-    text_size,
-    write,
-    write_lines,
-)  # fmt: skip
+from .widgets import LARGE, MINUS, PLUS, SMALL, TEXT, button_row, draw_panel, line_height, text_size, write, write_lines
 
 _SPEEDS = (0.25, 0.5, 1.0, 2.0)
 _DELAY = 1.0  # time to read the text before a run starts, s
@@ -45,12 +31,11 @@ _PICTURE = 0.3  # fraction of the window's height that is kept for the picture, 
 _ESCAPE = 4.0  # s, within which a second Esc closes the window
 _ENTER = (pygame.K_RETURN, pygame.K_KP_ENTER)
 
-Phase = Literal["start", "watch", "break", "end"]
+_Phase = Literal["start", "watch", "break", "end"]
 _CARD_BUTTONS = {"start": "rating.begin", "break": "rating.continue", "end": "rating.close"}
-_CARDS = {"start": rating_start, "break": rating_break, "end": rating_end}
 
 
-class RateScreen:
+class RateScreen(Screen):
     """Shows the runs of a rating session and stores the answers.
 
     The screen shows neither the file nor the driver, so that names do not influence the rating and repeats are not
@@ -60,40 +45,30 @@ class RateScreen:
         session: the runs, the question and the rater.
         view: initial view.
         context: shown with runs whose file has no context.
-        label: the question in the language of the rater; by default that of the session.
-        follow: makes the screen after the last run; None to close the window then.
 
     Attributes:
         phase: `watch`, or the card on show: `start`, `break` or `end`.
-        player: of the current run.
+        player: of the run; defined while a run is shown.
         answer: widgets of the answer, after the run was watched.
         notice: the message on show; empty without one.
         picture: the part of the window that shows the run, px; defined while a run is shown.
         timeline: of the run; can be dragged after the run was watched.
     """
 
-    def __init__(
-        self,
-        session: RatingSession,
-        *,
-        view: View = "top",
-        context: str | None = None,
-        label: LabelSpec | None = None,
-        follow: Callable[[], Screen] | None = None,
-    ) -> None:
-        self.session, self._context = session, context or ""
-        self._spec, self._follow = label or session.spec, follow
-        self.phase: Phase = "start"
-        self.player: Player | None = None
+    player: Player
+    picture: pygame.Rect
+    timeline: Timeline
+
+    def __init__(self, session: RatingSession, *, view: View = "top", context: str | None = None) -> None:
+        self.session, self._context, self._spec = session, context or "", session.spec
+        self.phase: _Phase = "start"
         self.answer: Answer | None = None
-        self._exporter: Exporter | None = None
-        self._record: EpisodeRecord | None = None
-        self._view: View = view
+        self._camera = SceneCamera(view)
         self._delay = self._seconds = self._escape_left = 0.0
         self._label: Any = None
         self.notice = ""
         self._following: Screen | None = self
-        self._percent = percent_done(session)
+        self._percent = _percent_done(session)
         if session.done == session.total:
             self.phase = "end"
 
@@ -105,7 +80,7 @@ class RateScreen:
     def handle(self, event: pygame.Event) -> None:
         if event.type == pygame.QUIT:
             self._close()
-        elif self.phase != "watch":
+        elif self.phase != "watch":  # a card covers the window
             if event.type == pygame.KEYDOWN:
                 self._press_on_card(event.key)
             elif self._card.pressed(event):
@@ -114,12 +89,12 @@ class RateScreen:
             self._save()
         elif self.answer is not None and self.answer.handle(event):
             self.notice = ""
-        elif not self.timeline.handle(event) and event.type == pygame.KEYDOWN:
+        elif not self.timeline.handle(event) and event.type == pygame.KEYDOWN:  # not a key of the answer
             self._press(event)
 
     def advance(self, seconds: float) -> Screen | None:
         self._escape_left -= seconds
-        if self.phase == "watch" and self.player is not None:
+        if self.phase == "watch":
             self._delay -= seconds
             if self._delay <= 0.0:
                 self._seconds += seconds if self.player.playing else 0.0
@@ -133,8 +108,8 @@ class RateScreen:
         return self._following
 
     def draw(self, surface: pygame.Surface) -> None:
-        if self.phase == "watch" and self._exporter is not None:
-            self._exporter.draw(surface.subsurface(self.picture))
+        if self.phase == "watch":
+            self._camera.draw_picture(surface.subsurface(self.picture), self.player.moment)
             self._draw_question(surface)
             draw_panel(surface, self._bar, edge="top")
             self.timeline.draw(surface)
@@ -142,9 +117,6 @@ class RateScreen:
         else:
             surface.fill(FLOOR)
             self._card.draw(surface)
-
-    def leave(self) -> None:
-        """Nothing needs to be saved: saved answers are on the disk."""
 
     # Input of the rater
 
@@ -155,19 +127,18 @@ class RateScreen:
             self._leave_card()
 
     def _leave_card(self) -> None:
-        """Continue with the next run; after the last one, continue with another screen or close the window."""
+        """Continue with the next run; after the last one, close the window."""
         if self.phase == "end":
-            self._following = self._follow() if self._follow else None
+            self._close()
         else:
             self.session.take_break()
             self._next()
 
     def _press(self, event: pygame.Event) -> None:
         """Process a key that the answer has not used."""
-        assert self.player is not None
-        commands: dict[int, Callable[[], None]] = {
+        commands: dict[int, Callable[[], object]] = {
             pygame.K_SPACE: self._toggle,
-            pygame.K_r: self._restart,
+            pygame.K_r: self.player.restart,
             pygame.K_v: self._switch_view,
             pygame.K_ESCAPE: self._escape,
             **dict.fromkeys(PLUS, self.player.faster),
@@ -179,17 +150,11 @@ class RateScreen:
             commands[event.key]()
 
     def _toggle(self) -> None:
-        if self.player is not None:
-            self._delay = 0.0
-            self.player.toggle()
-
-    def _restart(self) -> None:
-        if self.player is not None:
-            self.player.restart()
+        self._delay = 0.0
+        self.player.toggle()
 
     def _switch_view(self) -> None:
-        if self._exporter is not None:
-            self._exporter.switch_view()
+        self._camera.apply(Action.VIEW)
 
     def _escape(self) -> None:
         """Close at the second press, because the key is hit easily and the answer on show would be lost."""
@@ -202,31 +167,28 @@ class RateScreen:
 
     def _save(self) -> None:
         """Store the answer and continue; without an answer, show what is missing."""
-        label = self.answer.label if self.answer else None
-        if self._record is None or self.answer is None:
+        if self.answer is None:
             self.notice = text("rating.watch_to_end")
-        elif label is None:
+        elif self.answer.label is None:
             self.notice = text("rating.answer_first")
         else:
             try:
-                self.session.rate(self._record, label, seconds=self._seconds, whole=True)
-            except RecordError as error:
+                self.session.rate(self.player.record, self.answer.label, seconds=self._seconds, whole=True)
+            except RecordError as error:  # the answer stays on show, and can be saved again
                 self.notice = str(error)
-                return
-            self._next()
+            else:
+                self._next()
 
     def _next(self) -> None:
         """Show the next run, a break, or the end."""
         self.answer, self._label, self.notice, self._seconds = None, None, "", 0.0
-        self.phase = "break" if self.session.break_due else "watch"
-        self._record = self.session.load() if self.phase == "watch" else None
-        self._percent = percent_done(self.session)
-        if self._record is not None:
-            self.player = Player(self._record, speeds=_SPEEDS)
-            self._exporter = Exporter(self.player, view=self._view, like=self._exporter)
-            self._delay = _DELAY
-        elif self.phase == "watch":
+        self._percent = _percent_done(self.session)
+        if self.session.break_due:
+            self.phase = "break"
+        elif (record := self.session.load()) is None:
             self.phase = "end"
+        else:
+            self.phase, self.player, self._delay = "watch", Player(record, speeds=_SPEEDS), _DELAY
         self._stage.ui.clear_and_reset()
         self._build()
 
@@ -236,9 +198,8 @@ class RateScreen:
         """Create the widgets of the phase for the window's size."""
         stage = self._stage
         (width, height), s = stage.size, stage.scale
-        if self.phase != "watch" or self.player is None:
+        if self.phase != "watch":
             title, lines = _CARDS[self.phase](self.session)
-            title = question_of(self._spec) if self.phase == "start" else title
             self._card = Card(stage.ui, s, title, lines, [(text(_CARD_BUTTONS[self.phase]), Action.CONFIRM)])
             return
         edge = round(20 * s)
@@ -264,7 +225,7 @@ class RateScreen:
         ui, gap = self._stage.ui, round(6 * self._stage.scale)
         specs = [
             (text("player.pause"), self._toggle, text("player.play_tip")),
-            (text("rating.again"), self._restart, text("rating.again_tip")),
+            (text("rating.again"), self.player.restart, text("rating.again_tip")),
             (text("player.camera"), self._switch_view, text("player.camera_tip")),
         ]
         left = pygame.Rect(row.left, row.top, round(row.width * 0.36), row.height)
@@ -272,14 +233,14 @@ class RateScreen:
         right = pygame.Rect(0, row.top, round(row.width * 0.2), row.height)
         right.right = row.right
         (self._save_button,) = button_row(ui, right, [(text("rating.save"), self._save, text("rating.save_tip"))])
-        if self.player is not None and not self.player.watched:
+        if not self.player.watched:
             self._save_button.disable()
         self._between = pygame.Rect(left.right, row.top, right.left - left.right, row.height)
 
     def _text_lines(self, max_width: int, max_height: int) -> list[tuple[str, int]]:
         """Lines of context and question, each with its text height in px; a small window has fewer of them."""
         s = self._stage.scale
-        context = (self._record.context if self._record else None) or self._context
+        context = self.player.record.context or self._context
         small, large = text_size(TEXT, s), text_size(LARGE, s)
         question = [(line, large) for line in wrapped(question_of(self._spec), max_width, large)]
         used = sum(line_height(size) for _, size in question)
@@ -297,12 +258,12 @@ class RateScreen:
             y += line_height(size)
 
     def _draw_bar(self, surface: pygame.Surface) -> None:
-        """Draw the time, the answer or why there is none yet, and the progress of the session."""
-        assert self.player is not None
+        """Draw the time, the answer or the reason why it is missing, and the progress of the session."""
         player, s, box = self.player, self._stage.scale, self._between
-        time = playing_time(player)
         right = self._bar.right - round(20 * s)
-        write(surface, time, (right, self.timeline.box.centery), size=text_size(SMALL, s), anchor="midright")
+        write(
+            surface, player.time_text, (right, self.timeline.box.centery), size=text_size(SMALL, s), anchor="midright"
+        )
         size = text_size(TEXT, s)
         if self.answer is not None:
             self.answer.draw(surface)
@@ -316,3 +277,45 @@ class RateScreen:
         thickness = max(round(4 * s), 1)
         progress = pygame.Rect(0, self._bar.bottom - thickness, self._bar.width * self._percent // 100, thickness)
         surface.fill(BLUE, progress)
+
+
+def rating_start(session: RatingSession) -> tuple[str, list[str]]:
+    """The question, the fraction of the runs that is done, and the keys.
+
+    The number of presentations is not shown: it would reveal that some runs are shown twice.
+    """
+    spec = session.spec
+    return question_of(spec), [
+        "",
+        text("rating.left_some", percent=_percent_done(session)) if session.done else text("rating.left_none"),
+        text("rating.watch_first"),
+        text(f"rating.keys_{spec.kind}"),
+        text("rating.keys_play_typing" if spec.kind == "text" else "rating.keys_play"),
+        text("rating.stop"),
+    ]
+
+
+def _rating_break(session: RatingSession) -> tuple[str, list[str]]:
+    """Suggestion to take a break."""
+    return text("rating.break"), [
+        text("rating.left_some", percent=_percent_done(session)),
+        text("rating.break_line"),
+        "",
+        text("rating.break_stop"),
+    ]
+
+
+def rating_end(session: RatingSession) -> tuple[str, list[str]]:
+    """Thanks, and how many runs could not be shown."""
+    lines = [text("rating.all_done" if session.done == session.total else "rating.too_early")]
+    if session.skipped:
+        lines.append(text("rating.unreadable", count=len(session.skipped)))
+    return text("rating.thanks"), lines
+
+
+def _percent_done(session: RatingSession) -> int:
+    """Fraction of the presentations that are rated, in percent."""
+    return 100 * session.done // max(session.total, 1)
+
+
+_CARDS = {"start": rating_start, "break": _rating_break, "end": rating_end}

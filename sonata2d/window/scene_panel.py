@@ -25,7 +25,7 @@ _COLUMNS, _FIELD = (250, 420), 52  # px at scale 1: left edges of minimum and ma
 
 
 @dataclass(slots=True)
-class CountRow:
+class _CountRow:
     """One count: its range, and the fields that show it and take typed numbers."""
 
     low: int
@@ -68,8 +68,8 @@ class ScenePanel:
         box = pygame.Rect(0, 0, self._px(_WIDTH), self._px(rows * _PITCH + 2 * _GAP))
         box.center = (width // 2, height // 2)
         self.panel = UIPanel(box, starting_height=8, manager=ui)
-        self._ui, self._changes = ui, dict[UIButton, tuple[CountRow, int, int]]()
-        self._typed: dict[UITextEntryLine, tuple[CountRow, int]] = {}
+        self._ui, self._changes = ui, dict[UIButton, tuple[_CountRow, int, int]]()
+        self._typed: dict[UITextEntryLine, tuple[_CountRow, int]] = {}
         fixed = len(config.furniture)
         title = text("scene.fixed", count=fixed) if fixed else text("scene.title")
         self._label(title, 0, 0, _WIDTH - 2 * _GAP, "#title")
@@ -146,11 +146,11 @@ class ScenePanel:
     def _label(self, words: str, left: float, row: int, width: float, style: str) -> UILabel:
         return UILabel(self._place(left, row, width), words, self._ui, container=self.panel, object_id=style)
 
-    def _row(self, k: int, key: str) -> CountRow:
+    def _row(self, k: int, key: str) -> _CountRow:
         """Line of the panel: a text, then minus, number and plus for the minimum and for the maximum."""
         count = getattr(self._config, key)
         self._label(text(f"scene.{key}"), 0, k, _COLUMNS[0] - _GAP, "#row")
-        row = CountRow(count.min, count.max, (self._field(k, 0), self._field(k, 1)))
+        row = _CountRow(count.min, count.max, (self._field(k, 0), self._field(k, 1)))
         row.show()
         for end, left in enumerate(_COLUMNS):
             self._typed[row.fields[end]] = row, end

@@ -20,19 +20,15 @@ from ..view.stills import save_surface
 from .gui_fonts import provide_fonts
 from .widgets import text_size
 
-REFERENCE = (1280, 800)  # px, size of a window at scale 1
-FPS = 60
+_REFERENCE = (1280, 800)  # px, size of a window at scale 1
+_FPS = 60
 _CTRL = pygame.KMOD_CTRL | pygame.KMOD_META
 _THEME = Path(__file__).with_name("theme.json")
-# Text sizes of widgets in a window of REFERENCE, px. The "defaults" of a theme are colours only, so elements are named.
-_TEXT_SIZES = dict.fromkeys(("button", "label", "text_entry_line", "text_box"), 20) | {
-    "#title": 26,
-    "vertical_scroll_bar.button": 18,
-}
+# Text sizes of widgets at scale 1, px. The "defaults" of a theme are colours only, so elements are named.
+_TEXT_SIZES = dict.fromkeys(("button", "label", "text_entry_line", "text_box"), 20) | {"#title": 26}
 _LENGTHS = (  # of the theme, px at scale 1
     *((part, "shape_corner_radius", 6) for part in ("button", "text_entry_line", "panel")),
     *((part, "border_width", 1) for part in ("button", "text_entry_line", "panel")),
-    ("horizontal_slider", "sliding_button_width", 20),
     ("tool_tip", "rect_width", 260),
 )
 _MIN_DRAWN = 160, 120  # px; a window that was dragged to a smaller size keeps its last picture
@@ -55,7 +51,8 @@ class Screen(Protocol):
         """Draw everything below the widgets."""
 
     def leave(self) -> None:
-        """Save what must not be lost; called when another screen follows or the window closes."""
+        """Save what must not be lost; called when another screen follows or the window closes. Nothing by default."""
+        return
 
 
 class Stage:
@@ -69,7 +66,7 @@ class Stage:
 
     Attributes:
         ui: pygame_gui's manager of the widgets; emptied when a screen is entered.
-        scale: size of texts and widgets relative to a window of `REFERENCE`.
+        scale: size of texts and widgets relative to a window of `_REFERENCE`.
 
     Raises:
         WindowError: there is no display.
@@ -80,7 +77,7 @@ class Stage:
         title: str = "sonata2d",
         *,
         size: tuple[int, int] | None = None,
-        fps: int = FPS,
+        fps: int = _FPS,
         clock: Callable[[int], int] | None = None,
     ) -> None:
         self._fps, self._clock = fps, clock or pygame.time.Clock().tick
@@ -167,7 +164,7 @@ class Stage:
 
     def _reset_ui(self, size: tuple[int, int]) -> None:
         """Replace the manager by an empty one for a window size; all texts and widgets have one scale."""
-        self.scale = max(min(size[0] / REFERENCE[0], size[1] / REFERENCE[1]), 0.75)
+        self.scale = max(min(size[0] / _REFERENCE[0], size[1] / _REFERENCE[1]), 0.75)
         theme = json.loads(_THEME.read_text(encoding="utf-8"))
         sizes = {part: text_size(points, self.scale) for part, points in _TEXT_SIZES.items()}
         for part, points in sizes.items():
@@ -191,9 +188,9 @@ def fitting_size(desktop: tuple[int, int]) -> tuple[int, int]:
         min(max(share * side, minimum), 0.96 * side)
         for share, side, minimum in zip(_MAX_SHARE, desktop, _MIN_SIZE, strict=True)
     ]
-    scale = min(limit / side for limit, side in zip(limits, REFERENCE, strict=True))
-    width, height = (int(scale * side) for side in REFERENCE)
-    # The shape of REFERENCE would make a window on a small desktop lower or narrower than the minimum.
+    scale = min(limit / side for limit, side in zip(limits, _REFERENCE, strict=True))
+    width, height = (int(scale * side) for side in _REFERENCE)
+    # The shape of _REFERENCE would make a window on a small desktop lower or narrower than the minimum.
     return max(width, int(min(limits[0], _MIN_SIZE[0]))), max(height, int(min(limits[1], _MIN_SIZE[1])))
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import pygame
@@ -10,14 +12,22 @@ from pygame_gui.elements import UIButton
 
 from ..collect.texts import text
 from ..core.devices import View
-from ..errors import RenderError
-from ..view.palette import OUTSIDE
+from ..errors import RecordError, RenderError
+from ..record.reader import read_episode
+from ..record.record import EpisodeRecord
+from ..view.layers import Layers
+from ..view.stills import save_moment
+from ..view.trails import Trails
 from .actions import Action
 from .cards import Card
-from .hud import Hud, draw_hud, draw_legend, free_area, legend_box
-from .playback import Exporter, Player, Playlist, frame_label, frame_summary, playing_time, run_summary
+from .hud import Hud, draw_legend, free_area, legend_box
+from .playback import Player, Timeline
+from .run_texts import frame_label, frame_summary, run_summary
+from .scene_camera import SceneCamera
 from .stage import Screen, Stage
-from .widgets import MINUS, PLUS, SMALL, TEXT, Timeline, button_row, draw_panel, text_size, write
+from .widgets import MINUS, PLUS, SMALL, TEXT, button_row, draw_panel, text_size, write
+
+logger = logging.getLogger(__name__)
 
 _BAR = 146  # height of the lower bar, px at scale 1
 _NARROW, _NOT_IN_NARROW = 900, ("zones", "trails", "png", "svg")  # px; these buttons do not fit (their keys work)
@@ -44,7 +54,7 @@ _HELP = (  # a key, or the key of its text; the key of its meaning
 )
 
 
-class ViewScreen:
+class ViewScreen(Screen):
     """Plays recorded runs, each to its end and then the next; files that cannot be read are skipped.
 
     Args:
@@ -55,7 +65,8 @@ class ViewScreen:
     Attributes:
         files: the playlist.
         player: of the open run.
-        exporter: draws and saves the moment on show.
+        camera: view, zoom and layers on show.
+        shows_trails: whether the paths of the last seconds are drawn.
         saved: paths of the pictures that the user saved.
         card: of the help or about page, while it is open.
         timeline: of the open run; dragging it moves the position.
@@ -65,11 +76,11 @@ class ViewScreen:
     """
 
     def __init__(self, paths: Sequence[Path], *, view: View = "top", speed: float = 1.0) -> None:
-        self.files = Playlist(paths)
+        self.files = _Playlist(paths)
         self.saved: list[Path] = []
         self.player = Player(self.files.record, speed=speed)
-        self.exporter = Exporter(self.player, view=view)
-        self._show_hud, self._page, self._closing = True, "", False
+        self.camera, self.shows_trails = SceneCamera(view), False
+        self._page, self._closing = "", False
         self._rest: float | None = None  # time until the next file begins, s
         self._notice, self._notice_left = "", 0.0
         self.card: Card | None = None
@@ -96,7 +107,7 @@ class ViewScreen:
         words = {name: text(f"player.{name}") for name, _, _ in self._commands() if name}
         words["pause"] = max(words["pause"], text("player.play"), key=len)  # the button has space for both texts
         specs = [
-            (words[name], command, text(f"player.{'play' if name == 'pause' else name}_tip"))
+            (words[name], partial(self._do, command), text(f"player.{'play' if name == 'pause' else name}_tip"))
             for name, command, _ in self._commands()
             if name and (width >= _NARROW * s or name not in _NOT_IN_NARROW)
         ]
@@ -113,7 +124,7 @@ class ViewScreen:
         elif event.type == pygame.QUIT:
             self._closing = True
         elif event.type == pygame.MOUSEWHEEL:
-            self.exporter.zoom_by(1.1**event.y)
+            self.camera.zoom_by(1.1**event.y)
         elif event.type == pygame.KEYDOWN:
             self._press(event)
 
@@ -136,73 +147,59 @@ class ViewScreen:
         return None if self._closing else self
 
     def draw(self, surface: pygame.Surface) -> None:
-        whole = surface.subsurface(self.picture)
-        hud, scale, area = self._hud(), self._stage.scale, whole.get_rect()
-        if self._show_hud:  # the scene is drawn where the readings leave space
-            whole.fill(OUTSIDE)
-            area = free_area(whole, hud, scale=scale)
-        camera = self.exporter.draw(whole.subsurface(area))
-        if self._show_hud:
-            draw_hud(whole, hud, self.exporter.moment, camera, scale=scale, origin=area.topleft)
+        picture, moment, scale = surface.subsurface(self.picture), self.player.moment, self._stage.scale
+        self.camera.draw(picture, moment, self._hud(), scale=scale, trails=self._trails)
         if self.card is not None:
             self.card.draw(surface)
         if self._page == _HELP_PAGE:
-            shown = self.exporter
-            draw_legend(whole, shown.moment, zones=shown.zones, paths=shown.trails, scale=scale)
+            draw_legend(picture, moment, zones=self.camera.zones, paths=self.shows_trails, scale=scale)
         draw_panel(surface, self._bar, edge="top")
         self.timeline.draw(surface)
         self._draw_texts(surface)
-
-    def leave(self) -> None:
-        """Nothing needs to be saved."""
 
     def _commands(self) -> list[tuple[str, Callable[[], object], tuple[int, ...]]]:
         """Name of a button (empty: no button), the command, and its keys."""
         return [
             ("previous", lambda: self._open_file(-1), (pygame.K_b, pygame.K_PAGEUP)),
-            ("back", lambda: self._step(-1), (pygame.K_LEFT,)),
-            ("pause", self._toggle, (pygame.K_SPACE,)),
-            ("forward", lambda: self._step(1), (pygame.K_RIGHT,)),
+            ("back", lambda: self.player.step(-1), (pygame.K_LEFT,)),
+            ("pause", lambda: self.player.toggle(), (pygame.K_SPACE,)),
+            ("forward", lambda: self.player.step(1), (pygame.K_RIGHT,)),
             ("next", lambda: self._open_file(1), (pygame.K_n, pygame.K_PAGEDOWN)),
             ("slower", lambda: self.player.slower(), (*MINUS, pygame.K_LEFTBRACKET)),
             ("faster", lambda: self.player.faster(), (*PLUS, pygame.K_RIGHTBRACKET)),
-            ("camera", lambda: self.exporter.switch_view(), (pygame.K_v,)),
-            ("zones", lambda: self._toggle_layer("zones"), (pygame.K_z,)),
-            ("trails", lambda: self._toggle_layer("trails"), (pygame.K_t,)),
+            ("camera", lambda: self.camera.apply(Action.VIEW), (pygame.K_v,)),
+            ("zones", lambda: self.camera.apply(Action.ZONES), (pygame.K_z,)),
+            ("trails", self._toggle_trails, (pygame.K_t,)),
             ("png", lambda: self._save(".png"), (pygame.K_p,)),
             ("svg", lambda: self._save(".svg"), (pygame.K_s,)),
             ("about", lambda: self._show_page(_ABOUT_PAGE), (pygame.K_i,)),
             ("help", lambda: self._show_page(_HELP_PAGE), (pygame.K_F1,)),
-            ("", self.player.restart, (pygame.K_HOME,)),
-            ("", self._toggle_hud, (pygame.K_h,)),
+            ("", lambda: self.player.restart(), (pygame.K_HOME,)),
+            ("", lambda: self.camera.apply(Action.HUD), (pygame.K_h,)),
             ("", self._escape, (pygame.K_ESCAPE,)),
         ]
 
     def _press(self, event: pygame.Event) -> None:
         """Process a key."""
         if event.key in (pygame.K_LEFT, pygame.K_RIGHT) and event.mod & pygame.KMOD_SHIFT:
-            self._rest = None
-            self.player.step_seconds(1 if event.key == pygame.K_RIGHT else -1)
+            self._do(lambda: self.player.step_seconds(1 if event.key == pygame.K_RIGHT else -1))
             return
         for _, command, keys in self._commands():
             if event.key in keys:
-                self._rest = None
-                command()
+                self._do(command)
                 return
 
-    def _toggle(self) -> None:
+    def _do(self, command: Callable[[], object]) -> None:
+        """Carry out a command; the next file does not begin by itself then."""
         self._rest = None
-        self.player.toggle()
+        command()
 
-    def _step(self, direction: int) -> None:
-        self._rest = None
-        self.player.step(direction)
+    def _toggle_trails(self) -> None:
+        self.shows_trails = not self.shows_trails
 
-    def _toggle_layer(self, layer: str) -> None:
-        setattr(self.exporter, layer, not getattr(self.exporter, layer))
-
-    def _toggle_hud(self) -> None:
-        self._show_hud = not self._show_hud
+    @property
+    def _trails(self) -> Trails | None:
+        return self.player.trails if self.shows_trails else None
 
     def _show_page(self, page: str) -> None:
         """Open a page, or close it if it is open already."""
@@ -215,7 +212,7 @@ class ViewScreen:
         self._show_page("")
 
     def _build_card(self) -> None:
-        """Replace the card by that of the open page."""
+        """Replace the card by the card of the open page."""
         if self.card is not None:
             self.card.kill()
         self.card, self._card_end = None, self._end_of_card()
@@ -228,32 +225,39 @@ class ViewScreen:
             self.card = Card(stage.ui, stage.scale, title, lines, buttons, top=top, bottom=end)
 
     def _end_of_card(self) -> int:
-        """Upper edge of what is below the card: of the legend with all layers, or of the lower bar, px."""
+        """Upper edge of the legend with all layers, or of the lower bar, px: the card ends above it."""
         if self._page != _HELP_PAGE:
             return self._bar.top
-        shown, scale = self.exporter.moment, self._stage.scale
-        return legend_box(self.picture.size, shown, zones=True, paths=True, scale=scale).top
+        return legend_box(self.picture.size, self.player.moment, zones=True, paths=True, scale=self._stage.scale).top
 
     def _open_file(self, direction: int) -> None:
         """Open the next or previous file that can be read."""
-        before = self.files.index
-        self._rest = None
-        self._notify(self.files.move(direction))
-        if self.files.index != before:
+        notices = []
+        if self.files.move(direction):
             self.player = Player(self.files.record, speed=self.player.speed)
-            self.exporter = Exporter(self.player, like=self.exporter)
             self._build_timeline()
             self._build_card()
+        else:
+            notices.append(text("notice.last_file" if direction > 0 else "notice.first_file"))
+        if self.files.skipped:
+            notices.append(text("notice.skipped", problem=self.files.skipped))
+        self._notify("; ".join(notices))
 
     def _notify(self, notice: str) -> None:
         self._notice, self._notice_left = notice, _NOTICE
 
     def _save(self, suffix: str) -> None:
+        """Save the moment into the working directory as `.png` or `.svg`."""
+        name = self.files.record.path.name.split(".")[0]
+        path = Path.cwd() / f"{name}_t{self.player.snapshot.tick:04d}{suffix}"
+        layers = Layers(zones=self.camera.zones, legend=True)
         try:
-            self.saved.append(self.exporter.save(Path.cwd(), suffix))
-            self._notify(text("notice.saved", path=self.saved[-1]))
+            save_moment(path, self.player.moment, view=self.camera.view, layers=layers, trails=self._trails)
         except RenderError as error:
             self._notify(str(error))
+        else:
+            self.saved.append(path)
+            self._notify(text("notice.saved", path=path))
 
     def _build_timeline(self) -> None:
         s, bar = self._stage.scale, self._bar
@@ -277,15 +281,58 @@ class ViewScreen:
         """Draw time and speed beside the timeline, and below the buttons the tick and the run (or a notice)."""
         player, s, bar, record = self.player, self._stage.scale, self._bar, self.files.record
         left, right = bar.left + round(16 * s), bar.right - round(16 * s)
-        time = playing_time(player)
-        write(surface, time, (right, self.timeline.box.centery), size=text_size(TEXT, s), anchor="midright")
+        write(surface, player.time_text, (right, self.timeline.box.centery), size=text_size(TEXT, s), anchor="midright")
         label = frame_label(record, player.index)
-        texts = [text("player.tick", number=player.snapshot.tick), *([label] if label and not self._show_hud else [])]
+        texts = [
+            text("player.tick", number=player.snapshot.tick),
+            *([label] if label and not self.camera.shows_hud else []),
+        ]
         texts += frame_summary(record, player.snapshot, player.index)
         run = dict(run_summary(record))
         # The readings show the contributor already.
-        names = ("file", "outcome", "label", *(() if self._show_hud else ("contributor",)), "context")
+        names = ("file", "outcome", "label", *(() if self.camera.shows_hud else ("contributor",)), "context")
         run_texts = [run[name] for name in names if name in run]
         lines = ("   ·   ".join(texts), self.notice or "   ·   ".join(run_texts))
         for line, y in zip(lines, (98, 124), strict=True):
             write(surface, line, (left, bar.top + round(y * s)), size=text_size(SMALL, s), max_width=right - left)
+
+
+class _Playlist:
+    """Files in order, one of which is open; files that cannot be read are skipped.
+
+    Args:
+        paths: of the files.
+
+    Attributes:
+        record: the open run.
+        index: of the open file, from 0.
+        skipped: error of the file that the latest move has skipped last; None if it has skipped no file.
+
+    Raises:
+        RecordError: none of the files can be read; the error of the last one.
+    """
+
+    record: EpisodeRecord
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        self._paths, self.index = list(paths), -1
+        self.skipped: RecordError | None = None
+        if not self.move(1):
+            raise self.skipped or RecordError("there is no file to view; give a folder that has episodes")
+
+    def __len__(self) -> int:
+        return len(self._paths)
+
+    def move(self, direction: int) -> bool:
+        """Open the next (1) or previous (-1) readable file; returns False, and keeps the open one, at the end."""
+        self.skipped, index = None, self.index + direction
+        while 0 <= index < len(self._paths):
+            try:
+                self.record = read_episode(self._paths[index])
+            except RecordError as error:
+                logger.warning("skipped: %s", error)
+                self.skipped, index = error, index + direction
+            else:
+                self.index = index
+                return True
+        return False

@@ -1,9 +1,8 @@
-"""Parts of the screens: lines of text, rows of buttons, a timeline to drag, and answers without a default."""
+"""Parts of the screens: lines of text, rows of buttons, and answers without a default."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import pygame
 import pygame_gui
@@ -11,24 +10,22 @@ from pygame_gui.elements import UIButton
 
 from ..collect.texts import text
 from ..view.fonts import rendered, shortened, width_of, wrapped
-from ..view.palette import BLUE, FAINT, GRID, INK, PAPER, VERMILLION, Colour
+from ..view.palette import BLUE, FAINT, GRID, INK, PAPER, Colour
 
-if TYPE_CHECKING:
-    from .playback import Player
-
-PANEL: Colour = (250, 249, 246)
+_PANEL: Colour = (250, 249, 246)
 EDGE: Colour = (214, 212, 206)
 TEXT, SMALL, LARGE = 20, 18, 28  # heights of texts, px at scale 1
-PITCH = 1.3  # distance of lines, in heights of the text
+_PITCH = 1.3  # distance of lines, in heights of the text
 PLUS = (pygame.K_PLUS, pygame.K_EQUALS, pygame.K_KP_PLUS)
 MINUS = (pygame.K_MINUS, pygame.K_KP_MINUS)
-HOVER: Colour = (234, 242, 248)  # of a button under the mouse
+_HOVER: Colour = (234, 242, 248)  # of a button under the mouse
 _CHOICE_GAP, _CHOICE_ROW = 8, 42  # px at scale 1: between answers, and height of an answer with one line
+_CHOICE_LINES = 2  # in a button, if there is more than one column
 _END_SHARE = 0.33  # of a slider's width for the meaning of an end
 _MAX_NOTICE = 5  # lines of a notice
 _BUTTON_PADDING = 8  # px, left and right of a button's text together
 _MIN_TEXT = 17  # px; smaller text is hard to read
-ButtonSpec = tuple[str, Callable[[], object], str]  # text, command, tool tip (may be empty)
+_ButtonSpec = tuple[str, Callable[[], object] | None, str]  # text, command, tool tip (may be empty)
 
 
 def text_size(size: int, scale: float) -> int:
@@ -38,7 +35,7 @@ def text_size(size: int, scale: float) -> int:
 
 def draw_panel(surface: pygame.Surface, box: pygame.Rect, *, edge: str) -> None:
     """Draw a plain background for texts and widgets, with a line along its `top` or `bottom` edge."""
-    surface.fill(PANEL, box)
+    surface.fill(_PANEL, box)
     y = box.top if edge == "top" else box.bottom - 1
     pygame.draw.line(surface, EDGE, (box.left, y), (box.right - 1, y))
 
@@ -75,7 +72,7 @@ def write(
 
 def line_height(size: int) -> int:
     """Distance of lines of a text height, px."""
-    return round(size * PITCH)
+    return round(size * _PITCH)
 
 
 def write_lines(
@@ -138,7 +135,7 @@ def draw_notice(
 
 
 def button_row(
-    ui: pygame_gui.UIManager, box: pygame.Rect, specs: Sequence[ButtonSpec], *, gap: int = 6, equal: bool = False
+    ui: pygame_gui.UIManager, box: pygame.Rect, specs: Sequence[_ButtonSpec], *, gap: int = 6, equal: bool = False
 ) -> list[UIButton]:
     """Create buttons side by side that fill a box.
 
@@ -172,7 +169,7 @@ def fitted(ui: pygame_gui.UIManager, words: str, max_width: float) -> str:
     return shortened(words, max_width, ui.get_theme().get_font(["button"]).get_point_size())
 
 
-class _Drag:
+class Drag:
     """Mouse drag along a horizontal track.
 
     Args:
@@ -196,52 +193,6 @@ class _Drag:
             return False
         self._on_move(min(max((event.pos[0] - self._track.left) / self._track.width, 0.0), 1.0))
         return True
-
-
-class Timeline:
-    """Progress bar of a played run, which can be dragged.
-
-    Args:
-        player: of the run.
-        box: px.
-        scale: of the bar and its marks.
-        draggable: whether the mouse moves it.
-        show_contacts: whether the starts of contacts are marked.
-    """
-
-    def __init__(
-        self,
-        player: Player,
-        box: pygame.Rect,
-        *,
-        scale: float = 1.0,
-        draggable: bool = True,
-        show_contacts: bool = True,
-    ) -> None:
-        self.player, self.box, self.draggable, self._unit = player, box, draggable, scale
-        self._marks = player.contacts() if show_contacts else []
-        self._drag = _Drag(box, box.inflate(12, 8), player.seek)
-
-    def handle(self, event: pygame.Event) -> bool:
-        """Process an event; returns True if the timeline has used it."""
-        return self.draggable and self._drag.handle(event)
-
-    def draw(self, surface: pygame.Surface) -> None:
-        box, u = self.box, self._unit
-        x, y = box.left + round(self.player.fraction * box.width), box.centery
-        half, corner = round(3 * u), round(3 * u)
-        track = pygame.Rect(box.left, y - half, box.width, 2 * half)
-        pygame.draw.rect(surface, GRID, track, border_radius=corner)
-        pygame.draw.rect(surface, BLUE, (box.left, y - half, x - box.left, 2 * half), border_radius=corner)
-        for mark in self._marks:
-            at = box.left + round(mark * box.width)
-            pygame.draw.line(surface, VERMILLION, (at, y - 4 * u), (at, y + 4 * u), max(round(2 * u), 1))
-            pygame.draw.polygon(
-                surface, VERMILLION, [(at, y - 5 * u), (at - 4 * u, y - 11 * u), (at + 4 * u, y - 11 * u)]
-            )
-        if self.draggable:
-            pygame.draw.circle(surface, PAPER, (x, y), 9 * u)
-            pygame.draw.aacircle(surface, BLUE, (x, y), 9 * u, max(round(3 * u), 1))
 
 
 class Choices:
@@ -295,7 +246,7 @@ class Choices:
         radius = round(6 * self._unit)
         for k, (place, lines) in enumerate(zip(self.places, self._lines, strict=True)):
             is_chosen = k == self.chosen
-            fill = BLUE if is_chosen else HOVER if k == self._hovered else PAPER
+            fill = BLUE if is_chosen else _HOVER if k == self._hovered else PAPER
             pygame.draw.rect(surface, fill, place, border_radius=radius)
             edge = BLUE if is_chosen or k == self._hovered else FAINT
             pygame.draw.rect(surface, edge, place, max(round(self._unit), 1), border_radius=radius)
@@ -303,20 +254,15 @@ class Choices:
 
 
 def _grid(texts: Sequence[str], width: int, scale: float) -> tuple[int, int]:
-    """Number of columns, and height of a button: low in all, but rather more rows than many lines in a button."""
+    """Number of columns, as many as leave few lines in each button, and the height of a button, px."""
     gap, size = round(_CHOICE_GAP * scale), text_size(TEXT, scale)
     longest_word = max(width_of(word, size) for words in texts for word in [*words.split(), ""])
-    grids: list[tuple[float, int, int]] = []
-    for columns in range(1, len(texts) + 1):
-        inner = (width - gap * (columns - 1)) // columns - 2 * gap
-        if columns > 1 and longest_word > inner:
+    for columns in range(len(texts), 0, -1):
+        inner = max((width - gap * (columns - 1)) // columns - 2 * gap, 1)
+        lines = max(len(wrapped(words, inner, size)) for words in texts)
+        if lines <= _CHOICE_LINES and longest_word <= inner:
             break
-        lines = max(len(wrapped(words, max(inner, 1), size)) for words in texts)
-        height = max(round(_CHOICE_ROW * scale), lines * line_height(size) + 2 * gap)
-        rows = -(-len(texts) // columns)
-        grids.append((rows * (height + gap) * (1.0 + 0.25 * (lines - 1)), columns, height))
-    _, columns, height = min(grids)
-    return columns, height
+    return columns, max(round(_CHOICE_ROW * scale), lines * line_height(size) + 2 * gap)
 
 
 class Scale:
@@ -327,7 +273,7 @@ class Scale:
         ends: meanings of 0 and 1.
         scale: of texts.
         value: initial value, 0 to 1; None for no value yet.
-        shows_value: whether the value, or how to give one, is written between the ends.
+        shows_value: whether the value, or a hint before the first one, is written between the ends.
     """
 
     def __init__(
@@ -344,7 +290,7 @@ class Scale:
         self._ends = [wrapped(end, box.width * _END_SHARE, self._size) for end in ends]
         edge, height = round(12 * scale), round(8 * scale)
         self.track = pygame.Rect(box.left + edge, box.top + round(16 * scale), box.width - 2 * edge, height)
-        self._drag = _Drag(self.track, self.track.inflate(2 * edge, 3 * edge), self._set)
+        self._drag = Drag(self.track, self.track.inflate(2 * edge, 3 * edge), self._set)
 
     @staticmethod
     def height_of(ends: tuple[str, str], width: int, scale: float) -> int:

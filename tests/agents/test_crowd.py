@@ -196,7 +196,7 @@ def views(scene: Scene) -> tuple[Array, BoolArray]:
     crowd.act(World(scene).snapshot())
     count = len(scene.humans)
     attention = [[attention_to(crowd._walkers, i, j) for j in range(count)] for i in range(count)]
-    return np.array(attention), crowd._plan.robot_in_sight
+    return np.array(attention), crowd._intentions.robot_in_sight
 
 
 def test_walls_block_the_line_of_sight() -> None:
@@ -241,10 +241,10 @@ def test_a_copy_of_a_crowd_goes_on_by_itself(busy: Scene, copied: Callable[[Crow
     other, snapshot = copied(crowd), world.snapshot()
     assert other.act(snapshot).acceleration.tobytes() == crowd.act(snapshot).acceleration.tobytes()
     world.step(Twist(), crowd.act(snapshot))
-    before = [array.copy() for array in crowd._plan]
+    before = [array.copy() for array in crowd._intentions]
     del world
     other.act(replace(snapshot, tick=snapshot.tick + 1))
-    assert all(np.array_equal(array, old) for array, old in zip(crowd._plan, before, strict=True))
+    assert all(np.array_equal(array, old) for array, old in zip(crowd._intentions, before, strict=True))
 
 
 def test_a_snapshot_of_another_scene_is_refused(busy: Scene) -> None:

@@ -21,7 +21,7 @@ from sonata2d.core.portable_math import Array
 from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Frame, Snapshot
-from sonata2d.datasets.replay import check_replay, check_rerun
+from sonata2d.datasets.check.replay import check_replay, check_rerun
 from sonata2d.record.reader import read_episode
 from sonata2d.sim.episode import Episode
 

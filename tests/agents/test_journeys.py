@@ -19,8 +19,8 @@ from sonata2d.core.entities import WALKING_TOGETHER, Door, Furniture, Group, Hum
 from sonata2d.core.geometry import Disc, Pose, Rectangle
 from sonata2d.core.scene import Rules, Scene, Social
 from sonata2d.core.snapshot import Snapshot
-from sonata2d.datasets.check import check_episode
-from sonata2d.datasets.replay import check_replay, check_rerun
+from sonata2d.datasets import check_episode
+from sonata2d.datasets.check.replay import check_replay, check_rerun
 from sonata2d.record.reader import read_episode
 from sonata2d.record.recorder import JsonRecorder
 

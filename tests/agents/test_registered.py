@@ -14,7 +14,7 @@ import pytest
 
 import sonata2d as s2
 import sonata2d.datasets
-from sonata2d.datasets.replay import check_replay
+from sonata2d.datasets.check.replay import check_replay
 from sonata2d.errors import ConfigError, ControllerError, RecordError
 from sonata2d.registry import METRICS, PEDESTRIAN_MODELS
 

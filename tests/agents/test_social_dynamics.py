@@ -19,7 +19,7 @@ from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist, inside_polygon
 from sonata2d.core.humans import ACTIVITIES
 from sonata2d.core.scene import Scene, Social
 from sonata2d.core.snapshot import Snapshot
-from sonata2d.datasets.replay import check_replay
+from sonata2d.datasets.check.replay import check_replay
 from sonata2d.record.reader import read_episode
 from sonata2d.record.recorder import JsonRecorder
 from sonata2d.scenegen.sampling import talking_formation

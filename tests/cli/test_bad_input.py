@@ -153,12 +153,12 @@ def test_rerun_says_that_the_code_has_changed(sonata2d: Run, here: Path) -> None
     write_controller(here, "return s2.Twist(vx=0.4)")
     sonata2d("generate out --scenario quick.yaml --controller ./mine.py:Mine --episodes 1 --workers 1 --no-picture")
     write_controller(here, "return s2.Twist(vx=0.4 + 0.0)")
-    with pytest.warns(ControllerWarning, match=r"the code of \./mine\.py:Mine is not that of the data set"):
+    with pytest.warns(ControllerWarning, match=r"the code of \./mine\.py:Mine differs from the data set"):
         sonata2d("check out --controller ./mine.py:Mine --workers 1")
     write_controller(here, "return s2.Twist(vx=0.5)")
     output = sonata2d("check out --controller ./mine.py:Mine --workers 1", code=1).output
     assert "000000.json: rerun: line" in output
-    assert "manifest.json: controller_sha256: the code of ./mine.py:Mine is not that of the data set" in output
+    assert "manifest.json: controller_sha256: the code of ./mine.py:Mine differs from the data set" in output
 
 
 def test_a_failed_first_run_does_not_block_the_folder(sonata2d: Run, here: Path) -> None:
@@ -177,7 +177,7 @@ def test_a_failed_first_run_does_not_block_the_folder(sonata2d: Run, here: Path)
 def test_overwrite_replaces_a_data_set_and_nothing_else(sonata2d: Run, here: Path) -> None:
     line = "generate out --scenario quick.yaml --workers 1 --no-picture"
     sonata2d(f"{line} --episodes 3 --compress gz")
-    sonata2d("card out --no-figures")
+    sonata2d("card out")
     (here / "out/notes.txt").write_text("mine")
     output = one_line(sonata2d(line, code=1).output)
     assert "--resume" in output

@@ -17,7 +17,7 @@ from sonata2d_cli import doctor, main
 from sonata2d_cli.main import COMMANDS
 
 from sonata2d.core.compiled import kernel as compiled
-from sonata2d.datasets.generate import KEEPABLE
+from sonata2d.datasets.generate.run import KEEPABLE
 from sonata2d.errors import ControllerWarning
 from sonata2d.version import PHYSICS_VERSION
 
@@ -262,22 +262,6 @@ def test_scenario_from_tracks_works_with_all_commands(sonata2d: Run, here: Path)
 def test_positions_are_finite_numbers_separated_by_commas(sonata2d: Run, here: Path, option: str) -> None:
     output = sonata2d(f"scenarios from-tracks street.csv {option} -o street.yaml", code=2).output
     assert "give finite numbers separated by commas" in output
-
-
-def test_a_card_without_matplotlib_is_plain_and_says_what_to_install(
-    sonata2d: Run, here: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    find = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
-    monkeypatch.setattr("sonata2d.datasets.card_figure.find_spec", importlib.util.find_spec)
-    sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
-    output = sonata2d("card out").output
-    assert output.splitlines()[0] == "out/README.md, out/croissant.json"
-    assert "pip install 'sonata2d[plots]'" in output
-    assert "card.png" not in (here / "out/README.md").read_text()
-    assert "matplotlib" in sonata2d("card out --figures", code=1).output
-    assert "matplotlib" not in sonata2d("card out --no-figures").output
-    assert sonata2d("card out --quiet").output == ""
 
 
 def test_quiet_prints_the_result_of_a_split(sonata2d: Run, here: Path) -> None:

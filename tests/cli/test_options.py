@@ -46,11 +46,6 @@ def test_an_output_is_named_alike_in_every_command(sonata2d: Run, words: list[st
     assert ("-o, --output" in output) == ("--output" in output)
 
 
-def test_the_old_spelling_of_output_works(sonata2d: Run, here: Path) -> None:
-    sonata2d("evaluate --controller straight-to-goal --scenario quick.yaml --episodes 1 --workers 1 --out old")
-    assert (here / "old/evaluation.json").exists()
-
-
 @pytest.mark.parametrize("line", ["-q {}", "{} --quiet"])
 def test_quiet_prints_results_only(sonata2d: Run, line: str) -> None:
     assert sonata2d(line.format(GENERATE)).output == ""
@@ -65,7 +60,7 @@ def test_verbose_prints_each_step_of_all_processes(here: Path, line: str, worker
     words = line.format(GENERATE.replace("--workers 1", f"--workers {workers}")).split()
     done = subprocess.run([sys.executable, "-m", "sonata2d_cli", *words], capture_output=True, text=True, check=True)
     for episode in (0, 1):
-        assert f"INFO:sonata2d.datasets.episode_runs:episode {episode}: " in done.stderr
+        assert f"INFO:sonata2d.datasets.generate.episodes:episode {episode}: " in done.stderr
 
 
 def test_quiet_and_verbose_exclude_each_other(sonata2d: Run) -> None:

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from sonata2d.datasets.start import episode_files
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import verify
+from sonata2d.datasets.generate.start import episode_files
 
 from .conftest import Run, one_line, started, wait_until
 
@@ -78,7 +78,7 @@ setattr(importlib.import_module({module!r}), {name!r}, stopped)
     ("line", "module", "name"),
     [
         ("run --scenario quick.yaml -o again.json", "sonata2d.scenegen.scenario.load", "parse_settings"),
-        ("check run.json --replay", "sonata2d.datasets.replay", "generate"),
+        ("check run.json --replay", "sonata2d.datasets.check.replay", "generate"),
         ("doctor", "sonata2d_cli.doctor", "_trial_episode"),
     ],
 )
@@ -191,7 +191,7 @@ def test_os_exit_in_another_thread_ends_the_process(here: Path) -> None:
 def test_the_exit_of_a_controller_is_left_to_programs_that_use_the_library(here: Path) -> None:
     (here / "fatal.py").write_text(FATAL.format(at_import="", in_act="os._exit(7)"))
     code = (
-        "import sonata2d as s2; from sonata2d.datasets.generate import generate_dataset; "
+        "import sonata2d as s2; from sonata2d.datasets.generate.run import generate_dataset; "
         "generate_dataset('out', s2.ScenarioConfig(standing=1), './fatal.py:Fatal', episodes=3)"
     )
     assert subprocess.run([sys.executable, "-c", code], timeout=100).returncode == 7

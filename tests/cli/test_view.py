@@ -43,14 +43,14 @@ def out(sonata2d: Run) -> str:
 def test_view_plays_all_episodes_of_a_data_set(sonata2d: Run, out: str, shown: list[Any]) -> None:
     sonata2d(f"view {out}")
     assert len(shown[0].files) == 3
-    assert (shown[0].files.record.path.name, shown[0].exporter.view) == ("000000.json", "top")
+    assert (shown[0].files.record.path.name, shown[0].camera.view) == ("000000.json", "top")
     assert not pygame.display.get_init()
 
 
 def test_view_plays_one_file_with_options(sonata2d: Run, out: str, shown: list[Any]) -> None:
     sonata2d(f"view {out}/000002.json --follow --speed 2 --fps 30")
     assert len(shown[0].files) == 1
-    assert (shown[0].player.speed, shown[0].exporter.view) == (2.0, "follow")
+    assert (shown[0].player.speed, shown[0].camera.view) == (2.0, "follow")
 
 
 def test_view_live_runs_a_controller(sonata2d: Run, here: Path, shown: list[Any]) -> None:

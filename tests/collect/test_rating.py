@@ -26,8 +26,7 @@ from sonata2d.collect.rating import (
     read_ratings,
 )
 from sonata2d.core.labels import LabelSpec
-from sonata2d.datasets.check import check_dataset
-from sonata2d.datasets.generate import generate_dataset
+from sonata2d.datasets import check_dataset, generate_dataset
 from sonata2d.errors import ConfigError, NewerFormatError, RecordError
 from sonata2d.record.files import sha256_of
 from sonata2d.record.recorder import JsonRecorder
@@ -68,9 +67,9 @@ def test_a_rating_is_one_line_of_json(tmp_path: Path) -> None:
 def test_each_rating_is_synced_before_the_call_returns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, synced = tmp_path / "a.jsonl", []
     monkeypatch.setattr(os, "fsync", lambda handle: synced.append(path.read_bytes().count(b"\n")))
-    append_rating(path, RATING)
-    append_rating(path, RATING)
-    assert synced == [1, 2]
+    for number in (1, 2):
+        append_rating(path, RATING)
+        assert synced[-1] == number
 
 
 @pytest.mark.parametrize("rest", [b'{"version":1,"rater":"A', b"{", b'{"version":1,"label":2.'])

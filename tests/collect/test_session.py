@@ -22,8 +22,8 @@ from sonata2d.collect.journal import Journal
 from sonata2d.collect.session import Session
 from sonata2d.core.compiled.kernel import IS_COMPILED
 from sonata2d.core.devices import DeviceEvent
+from sonata2d.datasets import verify
 from sonata2d.datasets.manifest import read_manifest
-from sonata2d.datasets.verification import verify
 from sonata2d.errors import ConfigError, RecordError, SceneError
 from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.config import ScenarioConfig
@@ -238,8 +238,8 @@ def test_a_run_that_is_kept_while_another_program_lists_the_folder_is_listed(
         session.stop()
     original, other = collection._read_rows, threading.Thread(target=two.keep)
 
-    def read_rows(folder: Path, known: dict[str, Any]) -> list[dict[str, Any]]:
-        rows = list(original(folder, known))
+    def read_rows(folder: Path, known: dict[str, Any]) -> dict[str, dict[str, Any]]:
+        rows = original(folder, known)
         if not other.ident:
             other.start()
             other.join(0.5)  # it may finish now, or wait for its turn
@@ -517,7 +517,7 @@ def test_folders_with_other_content_are_refused(tmp_path: Path) -> None:
     (tmp_path / "notes.json").write_text("{}")
     with pytest.raises(RecordError, match="choose another folder"):
         open_session(tmp_path)
-    from sonata2d.datasets.generate import generate_dataset
+    from sonata2d.datasets import generate_dataset
 
     generate_dataset(tmp_path / "made", ScenarioConfig(**SCENE), "straight-to-goal", episodes=1)
     with pytest.raises(RecordError, match="generated data set"):

@@ -2,31 +2,22 @@
 
 from __future__ import annotations
 
-import copy
 import hashlib
 import json
-import math
 import shlex
 import shutil
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
 from sonata2d_cli import main
 
-from sonata2d.core.proxemics import clearance
-from sonata2d.datasets.card import write_card
-from sonata2d.datasets.card_figure import clearances, collect_statistics, map_bounds
-from sonata2d.datasets.card_text import card_text
-from sonata2d.datasets.generate import generate_dataset
+from sonata2d.datasets import generate_dataset, write_card
+from sonata2d.datasets.card.text import card_text
 from sonata2d.datasets.manifest import read_manifest, write_json
-from sonata2d.datasets.verification import verify
 from sonata2d.errors import ConfigError
-from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 
 from .test_manifest import dataset_in, spec
@@ -81,58 +72,14 @@ def test_names_in_the_card_cannot_become_markup_or_commands(tmp_path: Path) -> N
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A generated data set of four episodes."""
-    pytest.importorskip("matplotlib", reason="the figures of the card need sonata2d[plots]")
     folder = tmp_path_factory.mktemp("sets") / "set"
     config = ScenarioConfig(humans=(0, 5), rules={"time_limit": 4.0})
     generate_dataset(folder, config, "straight-to-goal", episodes=4, seed=2)
     return folder
 
 
-def test_every_frame_is_counted_once(folder: Path) -> None:
-    records = [read_episode(path) for path in sorted(folder.glob("0*.json"))]
-    statistics = collect_statistics(records)
-    frames = sum(len(record) for record in records)
-    pedestrians = sum(int(record.present.sum()) for record in records)
-    assert (statistics.robot.total(), statistics.robot_speed.sum(), statistics.frames) == (frames, frames, frames)
-    assert (statistics.pedestrians.total(), statistics.pedestrian_speed.sum()) == (pedestrians, pedestrians)
-    assert statistics.clearance.sum() == frames - statistics.empty_frames
-    assert sum(statistics.outcomes.values()) == 4
-
-
-def test_cells_of_the_map_are_those_of_the_positions(folder: Path) -> None:
-    record = read_episode(folder / "000000.json")
-    (x, y), counts = record.robot[0, :2], collect_statistics([record]).robot
-    assert counts[math.floor(x / 0.2), math.floor(y / 0.2)] > 0
-
-
-def test_the_map_covers_the_rooms_wherever_they_are(folder: Path) -> None:
-    record = read_episode(folder / "000000.json")
-    moved = copy.deepcopy(record.document)
-    moved["room"]["polygon"] = [[0.0, 0.0], [10.0, 0.0], [10.0, 40.0], [0.0, 40.0]]
-    states = replace(record.states, robot=record.states.robot + 5.0, humans=record.states.humans + 5.0)
-    statistics = collect_statistics([replace(record, document=moved, states=states)])
-    assert statistics.rooms == (0.0, 10.0, 0.0, 40.0)
-    assert map_bounds(statistics) == pytest.approx((-0.3, 10.3, -0.3, 40.3))
-    assert statistics.robot.total() == len(record)
-
-
-def test_clearances_equal_those_of_snapshots(folder: Path) -> None:
-    for path in sorted(folder.glob("0*.json")):
-        record = read_episode(path)
-        expected = [max(clearance(record.snapshot(t)), 0.0) for t in range(len(record))]
-        assert clearances(record) == pytest.approx(np.array(expected), abs=1e-9)
-
-
-def test_a_card_with_figures_keeps_the_data_set_valid(folder: Path) -> None:
-    text = write_card(folder).read_text()
-    assert "![" in text
-    assert text.index("## Figures") < text.index("## Known limits")
-    assert (folder / "card.png").read_bytes().startswith(b"\x89PNG")
-    assert verify(folder) == []
-
-
 def test_metadata_names_the_manifest_by_its_hash(folder: Path) -> None:
-    write_card(folder, figures=False)
+    write_card(folder)
     metadata = json.loads((folder / "croissant.json").read_text())
     assert metadata["@type"] == "sc:Dataset"
     assert metadata["conformsTo"] == ["http://mlcommons.org/croissant/1.0", "http://mlcommons.org/croissant/RAI/1.0"]
@@ -150,7 +97,7 @@ def test_the_licence_of_recorded_pedestrians_is_other_unless_given(tmp_path: Pat
     generate_dataset(tmp_path / "set", config, "straight-to-goal", episodes=1, seed=2)
 
     def metadata(*options: str) -> tuple[str, str]:
-        result = CliRunner().invoke(main, ["card", str(tmp_path / "set"), "--no-figures", *options])
+        result = CliRunner().invoke(main, ["card", str(tmp_path / "set"), *options])
         assert result.exit_code == 0, result.output
         document = json.loads((tmp_path / "set" / "croissant.json").read_text())
         return document["license"], document["description"]
@@ -163,7 +110,7 @@ def test_the_licence_of_recorded_pedestrians_is_other_unless_given(tmp_path: Pat
 
 def test_statements_of_the_author_are_in_the_metadata(folder: Path) -> None:
     def metadata(**statements: str) -> dict[str, Any]:
-        write_card(folder, figures=False, **statements)
+        write_card(folder, **statements)
         document: dict[str, Any] = json.loads((folder / "croissant.json").read_text())
         return document
 
@@ -178,11 +125,11 @@ def test_statements_of_the_author_are_in_the_metadata(folder: Path) -> None:
     assert metadata() == full, "statements stay"
     for wrong in ({"date": "1 May"}, {"date": "2026-02-30"}, {"version": "1"}, {"url": "my page"}, {"licence": "My"}):
         with pytest.raises(ConfigError, match=repr(next(iter(wrong.values())))):
-            write_card(folder, figures=False, **wrong)
+            write_card(folder, **wrong)
 
 
 def test_metadata_describe_collection_biases_and_personal_data(folder: Path, tmp_path: Path) -> None:
-    write_card(folder, figures=False)
+    write_card(folder)
     simulated = json.loads((folder / "croissant.json").read_text())
     assert simulated["rai:dataCollectionType"] == ["Software Collection"]
     assert simulated["rai:personalSensitiveInformation"][0].startswith("None")
@@ -190,7 +137,7 @@ def test_metadata_describe_collection_biases_and_personal_data(folder: Path, tmp
     manifest = read_manifest(tmp_path / "set")
     people = [{"track": [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0]]}]
     write_json(tmp_path / "set/manifest.json", manifest | {"settings": {"people": people}, "keep": ["goal"]})
-    write_card(tmp_path / "set", figures=False)
+    write_card(tmp_path / "set")
     recorded = json.loads((tmp_path / "set/croissant.json").read_text())
     assert "1 of 1 listed pedestrians follow recorded tracks" in recorded["rai:dataCollection"]
     assert recorded["rai:personalSensitiveInformation"] == [
@@ -201,7 +148,7 @@ def test_metadata_describe_collection_biases_and_personal_data(folder: Path, tmp
 
 def test_metadata_pass_the_reference_validator(folder: Path) -> None:
     mlcroissant = pytest.importorskip("mlcroissant", reason="mlcroissant is not installed")
-    write_card(folder, figures=False, date="2026-05-01", creator="A Lab", url="https://example.org/set")
+    write_card(folder, date="2026-05-01", creator="A Lab", url="https://example.org/set")
     dataset = mlcroissant.Dataset(jsonld=folder / "croissant.json")
     assert not dataset.metadata.issues.report()
     assert [row["episode/episode"] for row in dataset.records("episode")] == [0, 1, 2, 3]
@@ -209,7 +156,7 @@ def test_metadata_pass_the_reference_validator(folder: Path) -> None:
 
 def test_the_same_data_give_the_same_card(folder: Path) -> None:
     write_card(folder)
-    first = {name: (folder / name).read_bytes() for name in ("README.md", "croissant.json", "card.png")}
+    first = {name: (folder / name).read_bytes() for name in ("README.md", "croissant.json")}
     write_card(folder)
     assert first == {name: (folder / name).read_bytes() for name in first}
 

@@ -14,8 +14,7 @@ from click.testing import CliRunner
 from sonata2d_cli import main
 
 import sonata2d as s2
-from sonata2d.datasets.card import write_card
-from sonata2d.datasets.check import Problem, check_dataset, check_episode
+from sonata2d.datasets import Problem, check_dataset, check_episode, write_card
 
 from ..record.test_reader import rewrite, set_value
 from .test_manifest import dataset_in, spec
@@ -206,7 +205,7 @@ def _rewrite(path: Path, change: Callable[[Any], None]) -> None:
 
 
 def test_files_that_repeat_the_manifest_are_compared_with_it(folder: Path) -> None:
-    write_card(folder, figures=False)
+    write_card(folder)
     assert check_dataset(folder) == []
     _rewrite(folder / "scenario.json", set_value("tiny", 1.0))
     assert _text(check_dataset(folder)) == "scenario.json: tiny: differs from the settings in manifest.json"
@@ -222,7 +221,7 @@ def test_files_that_repeat_the_manifest_are_compared_with_it(folder: Path) -> No
     text = _text(check_dataset(folder))
     assert "manifest.json: split: 000002.json is in no part (1 files in all)" in text
     assert "croissant.json: distribution: states another SHA-256 of manifest.json" in text
-    write_card(folder, figures=False, licence="mit")
+    write_card(folder, licence="mit")
     card.write_text(card.read_text().replace("license: mit", "license: other"))
     assert "croissant.json: license: is 'mit', but README.md says other" in _text(check_dataset(folder))
     (folder / "croissant.json").write_text("[]")
@@ -230,7 +229,7 @@ def test_files_that_repeat_the_manifest_are_compared_with_it(folder: Path) -> No
 
 
 def test_croissant_metadata_do_not_lead_out_of_the_folder(folder: Path, tmp_path: Path) -> None:
-    write_card(folder, figures=False)
+    write_card(folder)
     (tmp_path / "secret").write_text("x")
     _rewrite(folder / "croissant.json", set_value("distribution", 0, "contentUrl", "../secret"))
     assert check_dataset(folder) == []

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from dataclasses import asdict
 from itertools import product
 from pathlib import Path
 
@@ -16,13 +15,9 @@ from sonata2d_cli import main
 
 import sonata2d as s2
 from sonata2d.collect.collection import Collection, manifest_of_runs
-from sonata2d.datasets.card import write_card
-from sonata2d.datasets.generate import generate_dataset
-from sonata2d.datasets.manifest import manifest_entry, read_manifest, write_json
-from sonata2d.datasets.merge import merge_datasets
-from sonata2d.datasets.mirror import mirror_dataset
-from sonata2d.datasets.split import FRACTIONS, assign_parts, scene_key, split_dataset
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import generate_dataset, merge_datasets, mirror_dataset, verify, write_card
+from sonata2d.datasets.manifest import read_manifest, row_of, write_json
+from sonata2d.datasets.transforms.split import FRACTIONS, assign_parts, scene_key, split_dataset
 from sonata2d.errors import DatasetWarning, RecordError
 from sonata2d.record.reader import read_episode
 
@@ -206,11 +201,11 @@ def test_metadata_follow_the_manifest_through_every_command(original: Path, tmp_
     """A validator compares the SHA-256 in croissant.json; what the author stated stays."""
     folder = tmp_path / "set"
     shutil.copytree(original, folder)
-    write_card(folder, figures=False, licence="mit", date="2026-05-01", creator="A Lab")
+    write_card(folder, licence="mit", date="2026-05-01", creator="A Lab")
     for change in (
         lambda: split_dataset(folder),
         lambda: generate_dataset(folder, s2.ScenarioConfig(**QUICK), episodes=EPISODES + 1, seed=3, resume=True),
-        lambda: write_card(folder, figures=False),
+        lambda: write_card(folder),
     ):
         change()
         metadata = json.loads((folder / "croissant.json").read_text())
@@ -229,23 +224,11 @@ def test_derived_data_sets_have_the_licence_of_their_sources(original: Path, tmp
 
     folder = tmp_path / "set"
     shutil.copytree(original, folder)
-    write_card(folder, figures=False, licence="mit")
+    write_card(folder, licence="mit")
     mirror_dataset(folder, tmp_path / "image")
     merge_datasets([folder, tmp_path / "image"], tmp_path / "same")
     merge_datasets([original, tmp_path / "image"], tmp_path / "mixed")
     assert [licence(tmp_path / name) for name in ("image", "same", "mixed")] == ["mit", "mit", "other"]
-
-
-def test_figures_of_a_card_stay_as_long_as_they_show_the_episodes(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib", reason="the figures of the card need sonata2d[plots]")
-    folder = small_dataset(tmp_path / "set")
-    write_card(folder)
-    card = (folder / "README.md").read_bytes()
-    split_dataset(folder, HALVES)
-    assert (folder / "README.md").read_bytes() == card
-    small_dataset(folder, episodes=5, resume=True)
-    assert b"## Figures" not in (folder / "README.md").read_bytes()
-    assert not (folder / "card.png").exists()
 
 
 def test_an_edited_card_stays_until_it_is_written_again(tmp_path: Path) -> None:
@@ -266,7 +249,7 @@ def test_an_edited_card_stays_until_it_is_written_again(tmp_path: Path) -> None:
         ):
             change()
         assert card.read_text() == edited
-    write_card(folder, figures=False)
+    write_card(folder)
     assert "The lab moved" not in card.read_text()
     split_dataset(small_dataset(tmp_path / "other"), HALVES)  # silent again
 
@@ -274,7 +257,7 @@ def test_an_edited_card_stays_until_it_is_written_again(tmp_path: Path) -> None:
 def test_only_statements_that_are_not_valid_are_lost(tmp_path: Path) -> None:
     folder = small_dataset(tmp_path / "set")
     licence = "https://opensource.org/license/mit"
-    write_card(folder, figures=False, date="2026-05-01", creator="A Lab", organisation=True, url="https://a.example")
+    write_card(folder, date="2026-05-01", creator="A Lab", organisation=True, url="https://a.example")
     path = folder / "croissant.json"
     metadata = json.loads(path.read_text()) | {"license": licence}
     path.write_text(json.dumps(metadata))
@@ -294,18 +277,6 @@ def test_only_statements_that_are_not_valid_are_lost(tmp_path: Path) -> None:
     ]
     assert json.loads(path.read_text()).get("license") == licence
     assert "datePublished" not in json.loads(path.read_text())
-
-
-def test_figures_stay_without_matplotlib_and_go_on_request(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("matplotlib", reason="the figures of the card need sonata2d[plots]")
-    folder = small_dataset(tmp_path / "set")
-    write_card(folder)
-    with monkeypatch.context() as without:
-        without.setattr("importlib.util.find_spec", lambda name: None)
-        assert "## Figures" in write_card(folder, figures=None, licence="mit").read_text()
-    assert (folder / "card.png").exists()
-    assert "## Figures" not in write_card(folder, figures=False).read_text()
-    assert not (folder / "card.png").exists()
 
 
 def test_whole_families_stay_in_one_part(both: Path) -> None:
@@ -348,7 +319,7 @@ def test_collected_runs_can_be_mirrored_merged_and_split(original: Path, tmp_pat
         scene = s2.generate(s2.ScenarioConfig(**QUICK), 5, episode)
         with s2.JsonRecorder(path, contributor=contributor) as recorder:
             s2.Episode(scene, s2.StraightToGoal(), observers=[recorder]).run()
-        rows.append(asdict(manifest_entry(read_episode(path))) | {"contributor": contributor})
+        rows.append(row_of(read_episode(path)) | {"contributor": contributor})
     write_json(tmp_path / "driven/manifest.json", manifest_of_runs(rows))
     assert mirror_dataset(tmp_path / "driven", tmp_path / "image")["collected"]
     assert verify(tmp_path / "image", replay=True) == []

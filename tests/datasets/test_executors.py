@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from sonata2d.datasets.executors import Workers, parallel_map, unordered_map
+from sonata2d.datasets.workers.executors import Workers, parallel_map, unordered_map
 from sonata2d.errors import WorkerError
 
 

@@ -13,12 +13,9 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.datasets.check import check_dataset
-from sonata2d.datasets.executors import parallel_map
-from sonata2d.datasets.generate import generate_dataset
-from sonata2d.datasets.manifest import read_manifest
-from sonata2d.datasets.start import unlisted_episodes
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import check_dataset, generate_dataset, verify
+from sonata2d.datasets.manifest import read_manifest, unlisted_episodes
+from sonata2d.datasets.workers.executors import parallel_map
 from sonata2d.errors import ConfigError, ControllerError, RecordError, Sonata2dError
 from sonata2d.record.reader import read_episode
 from sonata2d.testing.controllers import check_controller
@@ -47,7 +44,7 @@ def test_the_number_of_workers_changes_no_byte(reference: Path, tmp_path: Path) 
 @pytest.mark.parametrize("hash_seed", ["0", "1"])
 def test_the_hash_seed_changes_no_byte(reference: Path, tmp_path: Path, hash_seed: str) -> None:
     code = (
-        "import sonata2d as s2; from sonata2d.datasets.generate import generate_dataset as g\n"
+        "import sonata2d as s2; from sonata2d.datasets.generate.run import generate_dataset as g\n"
         "q = s2.ScenarioConfig(name='quick', standing=2, wandering=3, tables=1, rules={'time_limit': 3.0})\n"
         f"g({str(tmp_path / 'out')!r}, q, 'straight-to-goal', episodes=10, seed=5)"
     )
@@ -65,7 +62,7 @@ def test_an_episode_does_not_depend_on_the_number_of_episodes(reference: Path, t
 def test_killing_and_resuming_gives_the_same_bytes(tmp_path: Path) -> None:
     scenario = s2.ScenarioConfig(name="quick", standing=2, wandering=3, rules={"time_limit": 6.0, "ends_on": ["time"]})
     code = (
-        "import sonata2d as s2; from sonata2d.datasets.generate import generate_dataset as g\n"
+        "import sonata2d as s2; from sonata2d.datasets.generate.run import generate_dataset as g\n"
         "if __name__ == '__main__':\n"
         "    rules = {'time_limit': 6.0, 'ends_on': ['time']}\n"
         "    q = s2.ScenarioConfig(name='quick', standing=2, wandering=3, rules=rules)\n"

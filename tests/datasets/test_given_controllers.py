@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 import sonata2d as s2
+from sonata2d.datasets.check.replay import check_replay
 from sonata2d.datasets.manifest import read_stored_manifest
-from sonata2d.datasets.replay import check_replay
 from sonata2d.errors import ControllerError
 
 from .test_generate import contents

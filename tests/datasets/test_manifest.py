@@ -10,20 +10,20 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from sonata2d.datasets.generate import finish_dataset
+from sonata2d.datasets.card.write import write_manifest_and_card
+from sonata2d.datasets.generate.batches import existing_batches
+from sonata2d.datasets.generate.episodes import store_episode
+from sonata2d.datasets.generate.progress import append_to_log
+from sonata2d.datasets.generate.specification import DatasetSpec, manifest_of
+from sonata2d.datasets.generate.start import start_dataset
 from sonata2d.datasets.manifest import (
     MANIFEST,
-    DatasetSpec,
-    Manifest,
-    ManifestEntry,
-    existing_episodes,
     files_of,
     read_manifest,
-    store_episode,
     write_json,
 )
-from sonata2d.datasets.progress import append_to_log
-from sonata2d.datasets.start import start_dataset
+from sonata2d.datasets.manifest.models import Manifest
+from sonata2d.datasets.manifest.write import counts_of
 from sonata2d.errors import RecordError
 from sonata2d.record.files import read_bytes
 from sonata2d.record.recorder import EpisodeRecorder
@@ -48,18 +48,17 @@ def document(episode: int) -> bytes:
     return recorded(episode).document()
 
 
-def dataset_in(
-    folder: Path, spec: DatasetSpec, *, resume: bool = False, stop_after: int | None = None
-) -> dict[int, ManifestEntry]:
+def dataset_in(folder: Path, spec: DatasetSpec, *, resume: bool = False, stop_after: int | None = None) -> None:
     """Generate the missing episodes of a data set; with `stop_after` only the first ones, as if interrupted."""
-    start_dataset(folder, spec, resume=resume)
-    entries, _ = existing_episodes(folder, spec, {})
+    listed = start_dataset(folder, spec, resume=resume)
+    rows = {batch.number: batch.row for batch in existing_batches(folder, spec, listed)[0]}
     for episode in range(spec.episodes if stop_after is None else stop_after):
-        if episode not in entries:
-            entries[episode] = store_episode(folder, spec, episode, recorded(episode))
+        if episode not in rows:
+            rows[episode] = store_episode(folder, spec, episode, recorded(episode))
     if stop_after is None:
-        finish_dataset(folder, spec, entries.values())
-    return entries
+        listed_rows = [row for _, row in sorted(rows.items()) if row is not None]
+        manifest = manifest_of(spec, listed_rows, counts_of(listed_rows), {}, complete=True)
+        write_manifest_and_card(folder, manifest)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -106,11 +105,11 @@ def test_only_complete_episodes_of_the_specification_are_reused(tmp_path: Path) 
     (tmp_path / "000001.json").write_bytes(document(1)[:-40])
     (tmp_path / "000002.json").write_bytes(document(0))
     (tmp_path / "000003.json").write_bytes(document(3).replace(b'"status":"stopped"', b'"status":"error"'))
-    entries, faults = existing_episodes(tmp_path, spec(4), {})
-    assert list(entries) == [0]
+    batches, faults = existing_batches(tmp_path, spec(4))
+    assert [batch.number for batch in batches] == [0]
     for fault, message in zip(faults, ("not valid JSON", "its episode differs", "ended in an error"), strict=True):
-        assert message in fault
-    assert not existing_episodes(tmp_path, spec(4, seed=8), {})[0]
+        assert message in str(fault)
+    assert not existing_batches(tmp_path, spec(4, seed=8))[0]
 
 
 @pytest.mark.parametrize(

@@ -19,8 +19,9 @@ from sonata2d.core.labels import LabelSpec
 from sonata2d.core.scene import Rules
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.core.vectors import wrap_angle
-from sonata2d.datasets.check import check_episode
-from sonata2d.datasets.mirror import (
+from sonata2d.datasets import check_episode, verify
+from sonata2d.datasets.check.replay import branch, check_replay, check_rerun
+from sonata2d.datasets.transforms.mirror import (
     flipped_angle,
     is_turn_reversible,
     mirror_file,
@@ -29,8 +30,6 @@ from sonata2d.datasets.mirror import (
     turned_angle,
     twist_image,
 )
-from sonata2d.datasets.replay import branch, check_replay, check_rerun
-from sonata2d.datasets.verification import verify
 from sonata2d.errors import RecordError
 from sonata2d.record.canonical import serialise, to_json_value
 from sonata2d.record.files import read_bytes

@@ -11,14 +11,13 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.core.snapshot import ControllerInfo
-from sonata2d.datasets.card_text import card_text
-from sonata2d.datasets.generate import KEEPABLE, generate_dataset
-from sonata2d.datasets.manifest import DatasetSpec, ManifestEntry, read_manifest
-from sonata2d.datasets.merge import merge_datasets
-from sonata2d.datasets.mirror import mirror_dataset
-from sonata2d.datasets.progress import EpisodeResult, ExcludedEpisode, FailedEpisode, Progress
-from sonata2d.datasets.split import split_dataset
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import merge_datasets, mirror_dataset, split_dataset, verify
+from sonata2d.datasets.card.text import card_text
+from sonata2d.datasets.generate.progress import Batch, FailedEpisode, Progress
+from sonata2d.datasets.generate.run import KEEPABLE, generate_dataset
+from sonata2d.datasets.generate.specification import DatasetSpec
+from sonata2d.datasets.manifest import read_manifest
+from sonata2d.datasets.manifest.write import counts_of, sum_of
 from sonata2d.errors import ControllerError, RecordError
 
 from .test_generate import contents
@@ -43,15 +42,16 @@ def spec(episodes: int = 3) -> DatasetSpec:
     return DatasetSpec("by-hand", None, 0, episodes, ControllerInfo("x"), keep=("goal",))
 
 
-def kept(episode: int) -> ManifestEntry:
-    return ManifestEntry(f"{episode:06d}.json", "", 1, episode, "", "goal", 1)
+def kept(episode: int) -> Batch:
+    row = {"name": f"{episode:06d}.json", "episode": episode, "family": "", "outcome": "goal"}
+    return Batch(episode, episode + 1, row, counts_of([row]), {})
 
 
-def excluded(episode: int, outcome: str = "timeout") -> ExcludedEpisode:
-    return ExcludedEpisode(episode, outcome)
+def excluded(episode: int, outcome: str = "timeout") -> Batch:
+    return Batch(episode, episode + 1, None, counts_of(()), {outcome: 1})
 
 
-RESULTS: list[EpisodeResult] = [kept(0), excluded(1), kept(2), excluded(3, "contact"), kept(4), kept(5)]
+RESULTS: list[Batch] = [kept(0), excluded(1), kept(2), excluded(3, "contact"), kept(4), kept(5)]
 
 
 def test_results_are_counted_by_number_in_any_order_of_arrival() -> None:
@@ -59,8 +59,8 @@ def test_results_are_counted_by_number_in_any_order_of_arrival() -> None:
         progress = Progress(spec())
         for result in random.Random(seed).sample(RESULTS, len(RESULTS)):
             progress.add(result)
-        assert [entry.episode for entry in progress.kept] == [0, 2, 4]
-        assert progress.left_out == {"timeout": 1, "contact": 1}
+        assert [batch.number for batch in progress.batches if batch.row is not None] == [0, 2, 4]
+        assert sum_of(batch.left_out for batch in progress.batches) == {"timeout": 1, "contact": 1}
         assert progress.is_finished
 
 
@@ -136,12 +136,12 @@ def test_interrupting_and_resuming_gives_the_same_bytes(reference: Path, tmp_pat
 
 
 def test_excluded_episodes_are_not_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from sonata2d.datasets.episode_runs import EpisodeRuns
+    from sonata2d.datasets.generate.episodes import EpisodeRuns
 
     episodes_run: list[int] = []
     run = EpisodeRuns.run
 
-    def counted(runs: EpisodeRuns, episode: int, store: Any) -> EpisodeResult:
+    def counted(runs: EpisodeRuns, episode: int, store: Any) -> FailedEpisode | None:
         episodes_run.append(episode)
         return run(runs, episode, store)
 

@@ -13,8 +13,8 @@ from sonata2d.core.devices import DeviceEvent
 from sonata2d.core.geometry import Twist
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Snapshot
-from sonata2d.datasets.replay import branch, check_replay, check_rerun
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import verify
+from sonata2d.datasets.check.replay import branch, check_replay, check_rerun
 from sonata2d.errors import RecordError
 from sonata2d.record.reader import read_episode
 from sonata2d.sim.episode import controller_info_of

@@ -19,11 +19,17 @@ from click.testing import CliRunner
 from sonata2d_cli import main
 
 import sonata2d as s2
-from sonata2d.datasets import merge_datasets, mirror_dataset, read_manifest, shard_runs, split_dataset
-from sonata2d.datasets.card import write_card
-from sonata2d.datasets.check import check_dataset
-from sonata2d.datasets.episode_runs import EpisodeRuns
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import (
+    check_dataset,
+    merge_datasets,
+    mirror_dataset,
+    read_manifest,
+    split_dataset,
+    verify,
+    write_card,
+)
+from sonata2d.datasets.generate import batches
+from sonata2d.datasets.generate.episodes import EpisodeRuns
 from sonata2d.errors import RecordError
 from sonata2d.formats.api import export_to, import_from
 from sonata2d.record.files import read_bytes, read_stored
@@ -247,7 +253,7 @@ def damaged(path: Path, at: int) -> None:
         (lambda out: edit(out / "manifest.json", episodes=26), "shards: have 25 episodes, and not 26"),
         (lambda out: edit(out / "shard-000001.manifest.json", seed=6), "shard-000001.manifest.json: seed: differs"),
         (lambda out: edit(out / "manifest.json", split={"train": 25}), "split: is {'train': 25}, but the"),
-        (lambda out: shortened(out / "shard-000001.manifest.json"), "its manifest lists 9 episodes, that"),
+        (lambda out: shortened(out / "shard-000001.manifest.json"), "lists 9 episodes, and the data set 10"),
         (lambda out: append(out / "shard-000001.tar"), "more.json is in the shard but not listed"),
     ],
 )  # fmt: skip
@@ -374,12 +380,12 @@ def test_a_second_worker_on_the_same_shard_changes_nothing(
     sharded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After a lost connection, Dask lets another worker run a task that the first one still runs."""
-    run, shard, runs_inside = EpisodeRuns.run, shard_runs._run_shard, []
+    run, batch, runs_inside = EpisodeRuns.run, batches._run_batch, []
 
     def twice(runs: EpisodeRuns, episode: int, store: Any) -> Any:
         if episode == 13 and not runs_inside:
             runs_inside.append(episode)
-            assert isinstance(shard(runs, 1), shard_runs.ShardResult)
+            assert isinstance(batch(runs, 1), batches.Batch)
         return run(runs, episode, store)
 
     monkeypatch.setattr(EpisodeRuns, "run", twice)
@@ -427,7 +433,7 @@ def test_resumption_repairs_a_changed_shard(place: int, sharded: Path, tmp_path:
 
 def test_croissant_metadata_describe_shards(sharded: Path, tmp_path: Path) -> None:
     out = copied(sharded, tmp_path / "out")
-    write_card(out, figures=False)
+    write_card(out)
     document = json.loads((out / "croissant.json").read_text())
     sets = {entry["@id"]: entry for entry in document["distribution"]}
     assert sets["episodes"]["containedIn"] == {"@id": "shards"}
@@ -498,7 +504,7 @@ mirror {sharded} -o mirrored --workers 2
 check mirrored
 merge {sharded} mirrored -o both
 split both
-card both --figures
+card both
 check both
 generate out --scenario empty --episodes 5 --shard-size 2 --compress zst --json
 check out --engine dask --workers 1 --replay

@@ -16,9 +16,8 @@ from sonata2d_cli import main
 
 import sonata2d as s2
 from sonata2d.core.files.locations import file_names, location
-from sonata2d.datasets import merge_datasets, mirror_dataset, split_dataset
-from sonata2d.datasets.dask_executor import DaskExecutor
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import merge_datasets, mirror_dataset, split_dataset, verify
+from sonata2d.datasets.workers.dask_executor import DaskExecutor
 from sonata2d.errors import RecordError, WorkerError
 from sonata2d.formats.api import export_to, import_from
 from sonata2d.record.files import read_stored, write_atomically
@@ -116,7 +115,7 @@ def test_processes_write_to_a_store(endpoint: str, local: dict[int | None, Path]
 def test_an_interrupted_run_in_a_store_is_continued(
     store: str, local: dict[int | None, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from sonata2d.datasets.episode_runs import EpisodeRuns
+    from sonata2d.datasets.generate.episodes import EpisodeRuns
 
     run, count = EpisodeRuns.run, 0
 
@@ -189,7 +188,7 @@ def test_a_failed_transformation_leaves_nothing_in_a_store(
         write_atomically(work / "000000-mirror.json", b"{}")
         raise RecordError("no image")
 
-    monkeypatch.setattr("sonata2d.datasets.mirror._listed_image", odd)
+    monkeypatch.setattr("sonata2d.datasets.transforms.mirror._listed_image", odd)
     with pytest.raises(RecordError, match="no image"):
         mirror_dataset(local[None], f"{store}/mirrored")
     assert file_names(location(f"{store}/mirrored")) == []
@@ -210,7 +209,7 @@ def test_commands_take_urls(store: str, tmp_path: Path, monkeypatch: pytest.Monk
     export {store}/set --to csv -o {store}/tracks --workers 1
     mirror {store}/set -o {store}/mirrored --workers 1
     split {store}/mirrored
-    card {store}/mirrored --figures
+    card {store}/mirrored
     merge {store}/set {store}/mirrored -o both
     check both
     """

@@ -13,12 +13,9 @@ import sonata2d as s2
 from sonata2d.core.entities import Limits, Robot
 from sonata2d.core.geometry import Pose
 from sonata2d.core.snapshot import Contact
-from sonata2d.datasets.card_text import card_text
-from sonata2d.datasets.check import check_dataset
-from sonata2d.datasets.generate import generate_dataset
+from sonata2d.datasets import check_dataset, generate_dataset, merge_datasets, mirror_dataset
+from sonata2d.datasets.card.text import card_text
 from sonata2d.datasets.manifest import read_manifest, write_json
-from sonata2d.datasets.merge import merge_datasets
-from sonata2d.datasets.mirror import mirror_dataset
 from sonata2d.datasets.summaries import contact_summary, excessive_commands
 from sonata2d.errors import ControllerWarning
 from sonata2d.metrics.trajectory import Trajectory

@@ -35,7 +35,7 @@ def sonata2d(words: list[str], env: dict[str, str], cwd: Path) -> subprocess.Com
     )
 
 
-def test_the_five_plug_ins_work_as_the_readme_says(installed: dict[str, str], tmp_path: Path) -> None:
+def test_the_plug_ins_work_as_the_readme_says(installed: dict[str, str], tmp_path: Path) -> None:
     outputs = {}
     for language, file, text in BLOCK.findall((PLUGIN / "README.md").read_text()):
         if file:
@@ -48,6 +48,7 @@ def test_the_five_plug_ins_work_as_the_readme_says(installed: dict[str, str], tm
                 outputs[words[0]] = done.stdout
     assert "cautious" in outputs["controllers"]
     assert "mean_speed" in outputs["evaluate"]
+    assert "demographics  answers: first\n" in outputs["study"]
     episode = json.loads((tmp_path / "hexagons" / "000000.json").read_bytes())
     assert len(episode["room"]["polygon"]) == 6
     assert {human["model"] for human in episode["humans"]} == {"circular"}
@@ -55,6 +56,17 @@ def test_the_five_plug_ins_work_as_the_readme_says(installed: dict[str, str], tm
     rows = (tmp_path / "paths" / "000000.robot.csv").read_text().splitlines()
     assert rows[0] == "time,x,y,theta"
     assert len(rows) == len(episode["frames"]) + 1
+
+
+def test_the_observation_part_is_observed(installed: dict[str, str], tmp_path: Path) -> None:
+    pytest.importorskip("gymnasium")
+    code = (
+        "import sonata2d.gym as g; e = g.SocialNavEnv('lively', parts=['crowding']); o, _ = e.reset(seed=2); "
+        "rows = o['humans'][o['humans_mask'] > 0, :2]; "
+        "assert o['crowding'].tolist() == [((rows ** 2).sum(axis=1) < 4.0).sum()], o['crowding']"
+    )
+    done = subprocess.run([sys.executable, "-c", code], env=installed, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_episodes_with_plug_ins_replay_and_rerun_to_the_bit(installed: dict[str, str], tmp_path: Path) -> None:
@@ -140,8 +152,8 @@ def test_a_metric_plug_in_cannot_replace_a_built_in_metric(installed: dict[str, 
     info = tmp_path / "metrics-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: metrics\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[sonata2d.metrics]\nsuccess = mine:SUCCESS\nother = mine:SUCCESS\n")
-    source = "from sonata2d.metrics import Metric\nSUCCESS = Metric('success', 'm', 'less', '', '', lambda t: 7.0)\n"
+    (info / "entry_points.txt").write_text("[sonata2d.metrics]\nsuccess = mine:success\nother = mine:success\n")
+    source = "from sonata2d.metrics import metric\n@metric('m', 'less', needs=())\ndef success(t): return 7.0\n"
     (tmp_path / "mine.py").write_text(source)
     env = installed | {"PYTHONPATH": os.pathsep.join([installed["PYTHONPATH"], str(tmp_path)])}
     words = ["generate", "out", "--scenario", "empty", "--controller", "straight-to-goal", "--episodes", "1"]
@@ -169,7 +181,13 @@ def test_doctor_lists_each_plug_in_with_its_package_and_whether_it_loads(
     done = sonata2d(["doctor", "--json"], env, tmp_path)
     assert done.returncode == 1
     rows = {row["check"]: row for row in json.loads(done.stdout)}
-    for name in ("controller cautious", "pedestrian model circular", "format robot-csv", "metric mean_speed"):
+    for name in (
+        "controller cautious",
+        "pedestrian model circular",
+        "format robot-csv",
+        "metric mean_speed",
+        "observation part crowding",
+    ):
         assert rows[name]["ok"] is True
         assert rows[name]["found"].startswith("plug-in of sonata2d-example-plugin 0.1.0: ")
     assert rows["controller lost"]["ok"] is False
@@ -207,7 +225,7 @@ def test_a_metric_that_raises_is_named_with_the_file_and_a_broken_one_once(
     installed: dict[str, str], tmp_path: Path, workers: str
 ) -> None:
     source = "from sonata2d.metrics import Metric\ndef fail(t): raise KeyError('x')\n"
-    source += "RAISING = Metric('raising', 'm', 'less', '', '', fail)\n"
+    source += "RAISING = Metric('raising', 'm', 'less', '', '', fail, needs=())\n"
     package(tmp_path, "[sonata2d.metrics]\nraising = mine:RAISING\nwrong = math:pi\n", source)
     env = installed | {"PYTHONPATH": os.pathsep.join([installed["PYTHONPATH"], str(tmp_path)])}
     words = ["generate", "out", "--scenario", "empty", "--controller", "straight-to-goal", "--episodes", "2"]
@@ -217,3 +235,32 @@ def test_a_metric_that_raises_is_named_with_the_file_and_a_broken_one_once(
     warning, error = done.stderr.splitlines()
     assert warning.startswith("Warning: metric plug-in 'wrong' (math:pi) is not a Metric")
     assert error == "Error: MetricError: metric 'raising' of out/000000.json: KeyError: 'x'"
+
+
+DATE = """
+from sonata2d.study.questions import question_kind
+settings = {"kind": "date", "name": "first", "question": "Since", "earliest": "2000-01-01", "latest": "2026-12-31"}
+question = question_kind("date").model_validate(settings)
+print(question.check("2026-05-17"), question.content("en")["latest"])
+for answer in ("1999-12-31", "2027-01-01", "yesterday", 7):
+    try:
+        question.check(answer)
+    except ValueError as error:
+        print(error)
+"""
+
+
+def test_a_question_kind_of_a_plug_in_checks_answers(installed: dict[str, str], tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", DATE], env=installed, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == [
+        "2026-05-17 2026-12-31",
+        "first is '1999-12-31'; a date from 2000-01-01 on is expected",
+        "first is '2027-01-01'; a date up to 2026-12-31 is expected",
+        "first is 'yesterday'; a date such as 2026-05-17 is expected",
+        "first is 7; a date such as 2026-05-17 is expected",
+    ]
+    ratings = "ratings: [{name: seen, folder: ., question: {name: seen, kind: date, question: Since when}}]\n"
+    (tmp_path / "study.yaml").write_text(f"title: Dates\n{ratings}")
+    done = sonata2d(["study", "check", "study.yaml"], installed, tmp_path)
+    assert done.returncode == 1
+    assert "ratings.0.question.kind: runs are rated with yes_no, classes, slider or text (got 'date')" in done.stderr

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import verify
 from sonata2d.learning import read_weights
 
 RUN = Path(__file__).parents[2] / "examples" / "use_case" / "run.py"

@@ -11,8 +11,8 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.core.entities import PERSON_BREADTH
-from sonata2d.datasets.check import check_episode
-from sonata2d.datasets.replay import check_replay
+from sonata2d.datasets import check_episode
+from sonata2d.datasets.check.replay import check_replay
 from sonata2d.errors import ConfigError, RecordError, SceneError
 from sonata2d.formats.from_tracks import save_scenario, scenario_from_tracks
 from sonata2d.record.reader import read_episode

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sonata2d.datasets.check import check_episode
-from sonata2d.datasets.replay import check_replay
+from sonata2d.datasets import check_episode
+from sonata2d.datasets.check.replay import check_replay
 from sonata2d.errors import RecordError
 from sonata2d.formats import api, npz, parquet
 from sonata2d.formats.api import export_to, import_from
-from sonata2d.formats.base import Format, Options
+from sonata2d.formats.format import Format, Options
 from sonata2d.record.files import read_bytes
 from sonata2d.record.reader import read_episode
 from sonata2d.record.record import EpisodeRecord
@@ -90,7 +90,7 @@ def test_numpy_alone_reads_npz(records: list[EpisodeRecord], tmp_path: Path) -> 
 def test_array_that_declares_more_than_it_holds_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "large.npz"
     with zipfile.ZipFile(path, "w") as archive:
-        for name in (*npz._ARRAYS, "human_id", "header", "told"):
+        for name in (*npz._ARRAYS, "human_id", "header", "texts"):
             header = io.BytesIO()
             np.lib.format.write_array_header_1_0(
                 header, {"descr": "<f8", "fortran_order": False, "shape": (10**12, 10**6)}

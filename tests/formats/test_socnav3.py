@@ -15,13 +15,13 @@ import pytest
 import sonata2d as s2
 from sonata2d.core.geometry import Disc, Pose, Rectangle, inside_polygon
 from sonata2d.core.vectors import wrap_angle
-from sonata2d.datasets.check import check_episode
-from sonata2d.datasets.replay import check_replay
+from sonata2d.datasets import check_episode
+from sonata2d.datasets.check.replay import check_replay
 from sonata2d.errors import RecordError
-from sonata2d.formats import socnav3
+from sonata2d.formats import occupancy, socnav3
 from sonata2d.formats.api import export_to
-from sonata2d.formats.base import Options
-from sonata2d.formats.parse import encode_episode
+from sonata2d.formats.format import Options
+from sonata2d.formats.importing import encode_episode
 from sonata2d.record.files import read_bytes
 from sonata2d.record.layout import JsonDict
 from sonata2d.record.reader import read_episode, record_from_document
@@ -232,7 +232,7 @@ def test_grid_agrees_with_the_room(records: list[EpisodeRecord]) -> None:
     rng = np.random.default_rng(3)
     for record in records:
         scene = record.scene()
-        grid = socnav3.occupancy_grid(scene)
+        grid = occupancy.occupancy_grid(scene)
         cells = np.array(grid["data"])
         assert cells.shape == (grid["height"], grid["width"])
         points = rng.uniform(scene.outline.min(axis=0) - 0.2, scene.outline.max(axis=0) + 0.2, (2000, 2))
@@ -254,10 +254,10 @@ def test_grid_agrees_with_the_room(records: list[EpisodeRecord]) -> None:
                 in_disc = np.hypot(*local.T) <= half[0] if isinstance(thing.shape, Disc) else True
                 in_furniture |= (np.abs(local) <= half).all(axis=1) & in_disc
         inside = inside_polygon(points, scene.outline)
-        assert (values[unambiguous & in_furniture] == socnav3.OCCUPIED).all()
-        assert (values[unambiguous & ~in_furniture & inside] == socnav3.FREE).all()
-        assert (values[unambiguous & ~inside] == socnav3.UNKNOWN).all()
-        assert (cells == socnav3.OCCUPIED).any()
+        assert (values[unambiguous & in_furniture] == occupancy.OCCUPIED).all()
+        assert (values[unambiguous & ~in_furniture & inside] == occupancy.FREE).all()
+        assert (values[unambiguous & ~inside] == occupancy.UNKNOWN).all()
+        assert (cells == occupancy.OCCUPIED).any()
 
 
 def test_episodes_that_readers_would_misinterpret_are_refused(episode: Path) -> None:  # noqa: F811

@@ -18,7 +18,7 @@ from sonata2d.core.geometry import Pose, Rectangle
 from sonata2d.core.scene import Scene
 from sonata2d.errors import RecordError
 from sonata2d.formats import sonata
-from sonata2d.formats.base import Options, exact_stamps
+from sonata2d.formats.format import Options, exact_stamps
 from sonata2d.record.layout import JsonDict
 from sonata2d.record.reader import read_episode
 from sonata2d.record.record import EpisodeRecord

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.datasets.check import check_episode
+from sonata2d.datasets import check_episode
 from sonata2d.errors import RecordError, UnsuitableEpisode
 from sonata2d.formats import trajnet
 from sonata2d.formats.api import TransferResult, export_to, import_from
-from sonata2d.formats.base import Format, Options
-from sonata2d.formats.imported import POSITION, VELOCITY, VX, X
+from sonata2d.formats.estimates import POSITION, VELOCITY, VX, X
+from sonata2d.formats.format import Format, Options
 from sonata2d.learning.graph import paper_graphs
 from sonata2d.record.reader import read_episode
 from sonata2d.record.record import EpisodeRecord

@@ -11,15 +11,14 @@ import sonata2d as s2
 from sonata2d.collect.journal import Journal
 from sonata2d.collect.rating import Rating, append_rating, path_for
 from sonata2d.core.labels import LabelSpec
-from sonata2d.datasets.card import write_card
-from sonata2d.datasets.generate import generate_dataset
-from sonata2d.datasets.mirror import mirror_file
+from sonata2d.datasets import generate_dataset, write_card
+from sonata2d.datasets.transforms.mirror import mirror_file
 from sonata2d.formats.api import export_to
 from sonata2d.learning.weights import STOCK
 from sonata2d.record.files import compress, sha256_of
 from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.load import load_scenario
-from sonata2d.window.profiles import Profile
+from sonata2d.window.profiles import write_default_controls
 
 from ..formats.test_socnav3 import foreign
 
@@ -67,7 +66,7 @@ def make_samples(folder: Path) -> None:
     config = s2.ScenarioConfig(**{key: value for key, value in SCENARIO.items() if key != "extends"})
     data = folder / "dataset" / "set"
     generate_dataset(data, config, "social-planner", episodes=3, seed=3, workers=1)
-    write_card(data, figures=False)
+    write_card(data)
     generate_dataset(folder / "dataset" / "other", config, "straight-to-goal", episodes=2, seed=4, workers=1)
     rate(data, rng)
     (data / "metrics.json").write_text(json.dumps({"metrics": [], "episodes": {}}))
@@ -113,8 +112,7 @@ def make_samples(folder: Path) -> None:
     for frame in read_episode(first).frames():
         journal.note(frame)
     journal.shut()
-    devices = {"keyboard": Profile.default("keyboard").settings(), "mouse": Profile.default("mouse").settings()}
-    (folder / "collected" / "devices.json").write_text(json.dumps({"devices": devices}))
+    write_default_controls(folder / "collected" / "controls.toml")
 
 
 def rate(data: Path, rng: Random) -> None:

@@ -41,7 +41,7 @@ def run(words: str, path: Path) -> None:
         Refusal: the command ended with a message.
         Exception: it ended with another exception, which is a failure.
     """
-    from cli.common import EXIT_BUG
+    from cli.interrupts import EXIT_BUG
     from cli.main import main
 
     places = {
@@ -68,7 +68,8 @@ def read_everything(path: Path) -> None:
     """Restore all that a record holds, and what the window shows of it."""
     from sonata2d.datasets.motion import motion_of
     from sonata2d.record.reader import read_episode
-    from sonata2d.window.playback import Player, frame_label, frame_summary, run_summary
+    from sonata2d.window.playback import Player
+    from sonata2d.window.run_texts import frame_label, frame_summary, run_summary
 
     record = read_episode(path)
     for index, _ in enumerate(record.frames()):
@@ -111,19 +112,19 @@ def weights(path: Path) -> None:
 
 def collected(path: Path) -> None:
     from sonata2d.collect.journal import read_journal
-    from sonata2d.window.profiles import Profiles
+    from sonata2d.window.profiles import read_profiles
 
-    if path.name == "devices.json":
-        Profiles(path.parent)
+    if path.suffix == ".toml":
+        read_profiles(path)
     else:
         read_journal(path)
 
 
 def imported(name: str, path: Path) -> None:
     """Import a file; what is made of it must be a valid episode."""
-    from sonata2d.datasets.check import check_episode
+    from sonata2d.datasets import check_episode
     from sonata2d.formats.api import import_from
-    from sonata2d.formats.base import Options
+    from sonata2d.formats.format import Options
     from sonata2d.record.reader import read_episode
 
     source = path.parent if name == "parquet" else path.parent / "000000.csv" if name == "csv" else path
@@ -142,7 +143,7 @@ def imports(name: str, *lines: str) -> tuple[Use, ...]:
 
 
 DATASET = commands(
-    "check D", "describe D", "split D", "merge D O -o merged", "mirror D -o mirrored", "card D --no-figures",
+    "check D", "describe D", "split D", "merge D O -o merged", "mirror D -o mirrored", "card D",
     "export D --to csv -o out", "evaluate D --no-rerun --workers 1 --resamples 100", "check D --replay --workers 1",
     "generate D --resume --scenario S --episodes 3 --seed 3 --workers 1 --no-picture", "describe D --json",
 )  # fmt: skip
@@ -196,7 +197,7 @@ WORDS = (
 LINES = (
     "describe set", "check set --workers 1", "render set/000000.json -o x.svg", "export set --to csv -o new",
     "import set/000000.json --from sonata -o new", "mirror set -o new", "split set --parts train=.5,test=.5 --seed 1",
-    "merge set other -o new", "card set --no-figures --licence mit", "scenarios show sonata-2020",
+    "merge set other -o new", "card set --licence mit", "scenarios show sonata-2020",
     "scenarios draw sonata-2020 --scenes 1 -o x.png", "controllers list", "evaluate set --workers 1 --no-rerun --resamples 100",
     "evaluate set --metric all --no-rerun --workers 1 --resamples 100", "generate set --resume --episodes 1 --workers 1",
     "check set/000000.json --rerun --controller social-planner --workers 1", "scenarios from-tracks set/000000.json -o x.yaml",

@@ -12,7 +12,8 @@ from sonata2d.core.entities import RELATIONS
 from sonata2d.core.geometry import Disc
 from sonata2d.core.humans import ACTIVITIES
 from sonata2d.core.portable_math import Array
-from sonata2d.gym.observation import OBJECT_TYPES, Encoder, Observation, Sizes, observation_space
+from sonata2d.gym.observation import Encoder, Sizes
+from sonata2d.gym.parts import OBJECT_TYPES, Observation
 
 
 def observed(scenario: str, ticks: int = 30, seed: int = 2, **arguments: object) -> tuple[s2.Snapshot, Observation]:
@@ -105,7 +106,7 @@ def test_of_more_entities_than_rows_the_nearest_are_observed() -> None:
         assert encoder.space.contains(observation)
         nearest = np.argsort(away, kind="stable")[:4]
         expected = nearest if order == "nearest" else np.sort(nearest)
-        np.testing.assert_array_equal(encoder.human_rows, expected)
+        np.testing.assert_array_equal(encoder.rows.humans, expected)
         assert observation["walls_mask"].all()
 
 
@@ -120,7 +121,7 @@ def test_in_the_order_of_the_scene_everybody_keeps_a_row() -> None:
         present = {human.id for human in snapshot.humans}
         expected = [human.id in present for human in scene.humans]
         np.testing.assert_array_equal(observation["humans_mask"] > 0.0, expected)
-        np.testing.assert_array_equal(encoder.human_rows >= 0, expected)
+        np.testing.assert_array_equal(encoder.rows.humans >= 0, expected)
         assert not observation["humans"][~np.array(expected)].any()
         absent += len(scene.humans) - len(present)
         episode.step()
@@ -180,7 +181,7 @@ def test_sizes_cover_every_scene_of_a_preset() -> None:
 
 
 def test_spaces_are_finite() -> None:
-    space = observation_space(Sizes(3, 2, 4, 5))
+    space = Encoder(Sizes(3, 2, 4, 5)).space
     for name in ("robot", "goal", "humans", "objects", "walls"):
         part = space[name]
         assert np.isfinite(part.low).all()  # type: ignore[attr-defined]

@@ -15,7 +15,7 @@ import pytest
 import sonata2d as s2
 import sonata2d.gym as s2g
 from sonata2d.agents.controllers.loading import load_controller
-from sonata2d.datasets.replay import check_replay, check_rerun
+from sonata2d.datasets.check.replay import check_replay, check_rerun
 from sonata2d.errors import ControllerError
 from sonata2d.gym.description import describe, environment_of
 from sonata2d.gym.mlp import Mlp, read_mlp, write_mlp

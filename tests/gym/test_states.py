@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import sonata2d.gym as s2g
-from sonata2d.datasets.check import check_episode
-from sonata2d.datasets.replay import check_replay
+from sonata2d.datasets import check_episode
+from sonata2d.datasets.check.replay import check_replay
 from tests.gym.samples import CHAINS, SHORT, equal
 
 COUNT = int(os.environ.get("SONATA2D_TEST_STATES", "32"))

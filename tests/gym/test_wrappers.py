@@ -13,12 +13,13 @@ import sonata2d as s2
 import sonata2d.gym as s2g
 from sonata2d.core.entities import Furniture, Human, Wall
 from sonata2d.core.geometry import Disc, Pose, Rectangle
-from sonata2d.gym.observation import HUMAN, Encoder, Observation, Sizes
+from sonata2d.gym.observation import Encoder, Sizes
+from sonata2d.gym.parts import Humans, Observation
 from sonata2d.gym.sensing import measure_ranges, visible
 from sonata2d.gym.wrappers import EDGE_TYPES, NODE_FEATURES
 from tests.conftest import room
 
-COLUMN = {name: k for k, name in enumerate(HUMAN)}
+COLUMN = {column.name: k for k, column in enumerate(Humans.columns)}
 
 
 def after(env: gymnasium.Env[Any, Any], steps: int = 30, seed: int = 1) -> Observation:

@@ -17,12 +17,12 @@ from sonata2d.core.entities import RELATIONS as INTERACTIONS
 from sonata2d.core.geometry import Disc
 from sonata2d.core.portable_math import Array
 from sonata2d.core.vectors import wrap_angle
-from sonata2d.datasets.mirror import mirrored
 from sonata2d.datasets.motion import motion_of
+from sonata2d.datasets.transforms.mirror import mirrored
 from sonata2d.errors import Sonata2dError
 from sonata2d.formats import sonata
-from sonata2d.formats.base import Options
-from sonata2d.learning.graph.convert import save_graph, to_data, to_hetero, typed_edges
+from sonata2d.formats.format import Options
+from sonata2d.learning.graph.convert import _typed_edges, save_graph, to_data, to_hetero
 from sonata2d.learning.graph.features import FEATURES
 from sonata2d.learning.graph.graph import NODE_TYPES, RELATIONS, Graph, wall_pieces
 from sonata2d.learning.graph.modern import modern_graph
@@ -297,7 +297,7 @@ def test_invalid_arguments_of_modern_graph_are_refused(runs: list[EpisodeRecord]
 
 def test_typed_edges_are_all_edges_numbered_within_types(runs: list[EpisodeRecord]) -> None:
     graph = paper_graphs(runs[9])[-1]
-    typed = typed_edges(graph)
+    typed = _typed_edges(graph)
     assert sum(edges.shape[1] for edges in typed.values()) == len(graph.relation)
     for (start, name, end), edges in typed.items():
         of_type = [np.flatnonzero(graph.node_type == NODE_TYPES.index(kind)) for kind in (start, end)]

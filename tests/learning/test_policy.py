@@ -16,7 +16,7 @@ from sonata2d.core.geometry import Pose, Twist
 from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Snapshot
-from sonata2d.datasets.mirror import mirrored
+from sonata2d.datasets.transforms.mirror import mirrored
 from sonata2d.errors import ControllerError
 from sonata2d.learning.graph.features import INPUTS
 from sonata2d.learning.graph.graph import Graph

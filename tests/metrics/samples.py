@@ -12,7 +12,7 @@ from sonata2d.core.portable_math import Array
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import Outcome, Status
 from sonata2d.metrics.catalogue import ALL
-from sonata2d.metrics.measurement import Evaluation, Measured
+from sonata2d.metrics.evaluation import Evaluation, Measured
 from sonata2d.metrics.trajectory import Trajectory
 from sonata2d.record.layout import scene_to_json
 from sonata2d.record.record import EpisodeRecord, States

@@ -171,7 +171,7 @@ def test_invalid_arguments(tmp_path: Path) -> None:
         with pytest.raises(kind, match=message):
             s2.evaluate(subjects, SHORT, **settings)
     dataset = s2.generate_dataset(tmp_path / "set", SHORT, Ahead, episodes=1)
-    with pytest.raises(ValueError, match="only recorded episodes are given"):
+    with pytest.raises(ValueError, match="all subjects are recorded episodes"):
         s2.evaluate(dataset, out=tmp_path / "out")
     with pytest.raises(RecordError, match="set is a data set; choose a folder"):
         s2.evaluate(Ahead, SHORT, out=dataset.path)

@@ -13,7 +13,7 @@ import sonata2d as s2
 from sonata2d.core.entities import Human
 from sonata2d.core.geometry import Pose
 from sonata2d.core.scene import Rules, Scene
-from sonata2d.datasets.mirror import mirrored
+from sonata2d.datasets.transforms.mirror import mirrored
 from sonata2d.metrics.disturbance import without_robot
 from sonata2d.metrics.measurement import measure
 from sonata2d.metrics.trajectory import Trajectory

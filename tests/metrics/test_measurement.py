@@ -15,23 +15,23 @@ import pytest
 import sonata2d as s2
 from sonata2d.core.proxemics import obstacle_clearance, times_to_collision
 from sonata2d.core.scene import Scene
-from sonata2d.datasets.check import check_dataset
-from sonata2d.datasets.generate import generate_dataset
-from sonata2d.datasets.mirror import mirror_dataset
+from sonata2d.datasets import check_dataset, generate_dataset, mirror_dataset
 from sonata2d.errors import MetricError, RecordError
-from sonata2d.metrics.catalogue import ALL, METRICS, METRICS_REQUIRING, headline_metrics, select_metrics
-from sonata2d.metrics.definition import DEFINITIONS_VERSION
+from sonata2d.metrics.catalogue import ALL, METRICS, NEEDING_RERUN, headline_metrics, select_metrics
+from sonata2d.metrics.comparison import Comparison
+from sonata2d.metrics.definition import DEFINITIONS_VERSION, NEEDS, Metric, metric
 from sonata2d.metrics.disturbance import RunWithoutRobot
+from sonata2d.metrics.evaluation import Evaluation
+from sonata2d.metrics.evaluation_page import page_of
 from sonata2d.metrics.interop import VARIANTS
 from sonata2d.metrics.measurement import (
-    Evaluation,
-    comparison_table,
     episode_files,
     measure,
     measure_files,
     save_metrics,
     scene_hash,
 )
+from sonata2d.record.canonical import serialise
 from sonata2d.record.reader import read_episode
 from sonata2d.record.record import EpisodeRecord
 
@@ -39,6 +39,7 @@ from ..conftest import room
 from .samples import measured, record, stay
 
 ROOT = Path(__file__).parent.parent.parent
+IMPORTED = {"format": "mine", "file": "a.csv", "sha256": "0" * 64, "derived": []}
 
 
 @pytest.fixture(scope="module")
@@ -160,11 +161,11 @@ def test_metrics_are_selected_by_name_project_or_all() -> None:
 
 
 def test_every_metric_has_unit_formula_and_source() -> None:
-    for metric in ALL.values():
-        assert metric.unit
-        assert metric.formula
-        assert metric.source
-        assert metric.better in ("more", "less", "neither")
+    for each in ALL.values():
+        assert each.unit
+        assert each.formula
+        assert each.source
+        assert each.better in ("more", "less", "neither")
     assert 10 <= len(headline_metrics()) <= 20
 
 
@@ -181,7 +182,8 @@ def test_table_shows_mean_interval_n_and_significance() -> None:
     """All differences of path_length are 1, so that the interval of the difference excludes 0."""
     first = Evaluation("a", [measured(k, {"path_length": float(k), "spl": None}) for k in range(4)])
     second = Evaluation("b", [measured(k, {"path_length": k + 1.0, "spl": 0.5 if k == 0 else None}) for k in range(4)])
-    head, length, weighted = comparison_table([first, second], select_metrics(["path_length", "spl"]))
+    metrics = select_metrics(["path_length", "spl"])
+    head, length, weighted = Comparison({}, [first, second], metrics, is_selected=True).table().splitlines()
     assert head.split() == ["metric", "unit", "a", "b"]
     assert length.startswith("path_length  ↓  m")
     assert "1.50 [" in length
@@ -240,15 +242,77 @@ def test_episode_without_a_robot_has_no_metrics(episode: EpisodeRecord) -> None:
     assert set(measure(without(episode, "robot"), rerun=False).values()) == {None}
 
 
-def test_variant_requires_the_data_of_its_metric(episode: EpisodeRecord) -> None:
+def test_variant_needs_other_data_than_its_metric(episode: EpisodeRecord) -> None:
+    """SocNavGym measures the distance between centres, and SocNav3 gives all people one radius."""
     lacking = measure(without(episode, "humans.radius", "goal"), rerun=False)
-    names = [m.name for m in ALL.values() if m.variant_of in ("success", "human_clearance_min", "collisions")]
-    assert names
-    assert all(lacking[name] is None for name in names)
+    assert lacking["hunavsim.goal_reached"] is lacking["hunavsim.personal_space_intrusions"] is None
+    assert lacking["socnavgym.failure_to_progress"] is lacking["socnav3.path_efficiency_ratio"] is None
+    measured = ("socnavgym.minimum_distance_to_human", "socnav3.hum_collision_flag", "socnavgym.stalled_time")
+    assert all(lacking[name] is not None for name in measured)
 
 
-@pytest.mark.parametrize("key", METRICS_REQUIRING)
-def test_each_key_of_missing_data_affects_some_metric(key: str) -> None:
-    assert any(metric.name.startswith(METRICS_REQUIRING[key]) for metric in ALL.values())
-    for prefix in METRICS_REQUIRING[key]:
-        assert any(metric.name.startswith(prefix) for metric in ALL.values()), prefix
+@pytest.mark.parametrize("need", sorted({need for each in ALL.values() for need in each.needs} - {"headings"}))
+def test_a_metric_is_not_computed_if_the_file_lacks_what_it_needs(episode: EpisodeRecord, need: str) -> None:
+    lacking = measure(without(episode, need), rerun=False)
+    assert all(lacking[name] is None for name, each in ALL.items() if need in each.needs)
+
+
+def test_headings_that_were_derived_are_not_measured(episode: EpisodeRecord) -> None:
+    document = {**episode.document, "imported": {"lacks": [], "derived": ["frames.humans.theta"]}}
+    values = measure(replace(episode, document=document), rerun=False)
+    assert values["hunavsim.robot_on_person_collision"] is None
+    assert values["robot_on_person"] is not None
+
+
+def test_a_metric_must_state_what_it_needs() -> None:
+    def function(trajectory: object) -> float:
+        return 0.0
+
+    with pytest.raises(TypeError, match="needs"):
+        Metric("mine", "m", "less", "0", "mine", function)  # type: ignore[call-arg]
+    with pytest.raises(ValueError, match=r"metric 'mine': needs has the unknown name 'gaol'; did you mean 'goal'"):
+        Metric("mine", "m", "less", "0", "mine", function, needs={"robot", "gaol"})  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"unknown name 'x'; use robot, goal, "):
+        metric("m", "less", needs="x")(function)  # type: ignore[arg-type]
+    assert Metric("mine", "m", "less", "0", "mine", function, needs="goal").needs == {"goal"}  # type: ignore[arg-type]
+    assert all(each.needs <= set(NEEDS) for each in ALL.values())
+
+
+def test_a_decorated_function_is_a_metric_with_the_formula_of_its_docstring() -> None:
+    @metric("m", "less", needs={"robot"}, name="project.mine")
+    def mine(trajectory: object) -> float:
+        """Sum of |x|.
+
+        Not defined
+        without x.
+
+        Source: a paper, 2026 (X).
+        """
+        return 1.0
+
+    assert (mine.name, mine.formula) == ("project.mine", "Sum of |x|. Not defined without x")
+    assert (mine.source, mine.unit, mine.needs) == ("a paper, 2026 (X)", "m", {"robot"})
+
+
+def test_metrics_of_the_run_without_a_robot_need_the_seed() -> None:
+    assert {"human_slowing", "human_deviation_mean", "human_deviation_max"} == NEEDING_RERUN
+
+
+def test_the_table_says_what_the_files_lack(episode: EpisodeRecord, tmp_path: Path) -> None:
+    path = tmp_path / "foreign.json"
+    names = {"robot.radius", "goal", "outcome", "seed"}
+    document = episode.document | {"imported": {**IMPORTED, "lacks": sorted(names)}}
+    path.write_bytes(serialise(document))
+    evaluation = Evaluation("foreign", measure_files([path]))
+    assert set(evaluation.episodes[0].lacks) == names
+    assert evaluation.lacking("spl") == ["goal", "robot.radius"]
+    metrics = select_metrics(["path_length", "success", "human_slowing", "spl"])
+    comparison = Comparison({}, [evaluation, evaluation], metrics, is_selected=True)
+    assert len(comparison.notes()) == 2, "an unknown outcome is neither a stop nor a failure"
+    table = Comparison({}, [evaluation], metrics, is_selected=True).table()
+    assert "not measured: lacks goal, robot.radius" in table
+    assert [line.split()[3:] for line in table.splitlines()[2:4]] == [
+        ["not", "measured:", "lacks", "goal"], ["not", "measured:", "lacks", "seed"],
+    ]  # fmt: skip
+    page = page_of([evaluation], metrics=metrics)
+    assert "<small>not measured: lacks goal</small>" in page

@@ -9,23 +9,23 @@ from pathlib import Path
 import pytest
 
 import sonata2d as s2
-from sonata2d.datasets.generate import generate_dataset
+from sonata2d.datasets import generate_dataset
 from sonata2d.errors import RenderError
 from sonata2d.metrics.catalogue import METRICS, headline_metrics
-from sonata2d.metrics.measurement import Evaluation, Measured, episode_files, measure_files
-from sonata2d.metrics.page import (
-    COMPLIANCE,
-    best_of,
-    cells,
-    outcome_counts,
+from sonata2d.metrics.evaluation import Evaluation, Measured
+from sonata2d.metrics.evaluation_page import (
+    Axis,
+    axis_of,
+    check_page_path,
+    constant_of,
+    marks,
     outcome_kinds,
+    outcome_shares,
     page_metrics,
-    save_page,
-    why_best,
-    why_worst,
-    worst_of,
+    page_of,
 )
-from sonata2d.metrics.page_panels import Axis, constant_of, panel, shares
+from sonata2d.metrics.exemplars import COMPLIANCE, best_of, why_best, why_worst, worst_of
+from sonata2d.metrics.measurement import episode_files, measure_files
 from sonata2d.metrics.plots import short_names
 
 from .samples import evaluation, measured
@@ -62,12 +62,11 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Evaluation, list[Pat
     return Evaluation("demo", measure_files(files, rerun=False)), files
 
 
-def test_page_is_self_contained(demo: tuple[Evaluation, list[Path]], tmp_path: Path) -> None:
+def test_page_is_self_contained(demo: tuple[Evaluation, list[Path]]) -> None:
     one, files = demo
     drawn: list[int] = []
-    save_page(tmp_path / "a.html", [one], [files], advance=drawn.append)
+    page = page_of([one], [files], advance=drawn.append)
     assert drawn == [1]
-    page = (tmp_path / "a.html").read_text("utf-8")
     tags = Tags(page)
     assert tags.open == []
     links = [(tag, value) for tag, attrs in tags.seen for key, value in attrs.items() if key in ("src", "href")]
@@ -80,26 +79,22 @@ def test_page_is_self_contained(demo: tuple[Evaluation, list[Path]], tmp_path: P
     assert page.count("<figcaption>0.0 s") == 2
 
 
-def test_same_episodes_give_the_same_page(demo: tuple[Evaluation, list[Path]], tmp_path: Path) -> None:
+def test_same_episodes_give_the_same_page(demo: tuple[Evaluation, list[Path]]) -> None:
     one, files = demo
-    for name in ("a.html", "b.html"):
-        save_page(tmp_path / name, [one], [files])
-    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+    assert page_of([one], [files]) == page_of([one], [files])
 
 
-def test_page_shows_headline_metrics_and_every_class_of_collision(tmp_path: Path) -> None:
+def test_page_shows_headline_metrics_and_every_class_of_collision() -> None:
     names = {metric.name for metric in page_metrics()}
     assert {metric.name for metric in headline_metrics()} < names
     assert {name for name in METRICS if name.endswith("_collisions")} < names
-    save_page(tmp_path / "a.html", [evaluation("a", 0.5, 0.7)])
-    page = (tmp_path / "a.html").read_text("utf-8")
+    page = page_of([evaluation("a", 0.5, 0.7)])
     assert all(f'id="{name}"' in page for name in names)
     assert "<img" not in page
 
 
-def test_labels_are_escaped(tmp_path: Path) -> None:
-    save_page(tmp_path / "a.html", [evaluation("<script>x</script>", 0.5)])
-    page = (tmp_path / "a.html").read_text("utf-8")
+def test_labels_are_escaped() -> None:
+    page = page_of([evaluation("<script>x</script>", 0.5)])
     assert "<script" not in page
     assert "&lt;script&gt;" in page
 
@@ -108,51 +103,56 @@ def test_best_mean_and_means_equal_to_it_are_marked() -> None:
     many = range(12)
     best, equal = evaluation("best", *(0.9 for _ in many)), evaluation("equal", *(0.79 + 0.2 * (k % 2) for k in many))
     worse, empty = evaluation("worse", *(0.5 + 0.01 * k for k in many)), evaluation("empty", None, None)
-    row = cells([worse, best, equal, empty], METRICS["spl"])
-    assert [cell.mark for cell in row] == ["", "best", "equal", ""]
-    assert [cell.differs for cell in row] == [False, True, True, False]
-    assert [cell.summary.n for cell in row] == [12, 12, 12, 0]
+    row = [worse, best, equal, empty]
+    assert marks(row, METRICS["spl"]) == ["", "best", "equal", ""]
+    assert [each.differs(worse, "spl") for each in row] == [False, True, True, False]
+    assert [each.summary("spl").n for each in row] == [12, 12, 12, 0]
 
 
 @pytest.mark.parametrize(
-    ("name", "marks"), [("jerk_mean", ["best", ""]), ("spl", ["", "best"]), ("speed_mean", ["", ""])]
+    ("name", "expected"), [("jerk_mean", ["best", ""]), ("spl", ["", "best"]), ("speed_mean", ["", ""])]
 )
-def test_best_is_least_most_or_none_by_metric(name: str, marks: list[str]) -> None:
+def test_best_is_least_most_or_none_by_metric(name: str, expected: list[str]) -> None:
     pair = [evaluation(str(k), *(k + 0.01 * j for j in range(5)), name=name) for k in range(2)]
-    assert [cell.mark for cell in cells(pair, METRICS[name])] == marks
+    assert marks(pair, METRICS[name]) == expected
 
 
 def test_no_mean_is_best_among_equals() -> None:
-    assert [cell.mark for cell in cells([evaluation("a", 0.5), evaluation("b", 0.5)], METRICS["spl"])] == ["", ""]
-    assert [cell.mark for cell in cells([evaluation("a", 0.5)], METRICS["spl"])] == [""]
+    assert marks([evaluation("a", 0.5), evaluation("b", 0.5)], METRICS["spl"]) == ["", ""]
+    assert marks([evaluation("a", 0.5)], METRICS["spl"]) == [""]
 
 
 def test_episodes_in_different_scenes_are_never_equal() -> None:
     here = evaluation("here", *(0.5 + 0.1 * (k % 3) for k in range(6)))
     there = evaluation("there", *(0.5 + 0.1 * ((k + 1) % 2) for k in range(6)))
     moved = Evaluation("there", [replace(one, seed=2, scene=f"other {one.scene}") for one in there.episodes])
-    assert [cell.mark for cell in cells([here, moved], METRICS["spl"])] == ["best", ""]
+    assert marks([here, moved], METRICS["spl"]) == ["best", ""]
 
 
 def test_means_over_other_episodes_are_not_compared() -> None:
     """In each common scene the second is slower by 1, but it is undefined in the scenes that are slow for both."""
     first = evaluation("first", *(10.0 + k for k in range(5)), *(50.0 + k for k in range(3)), name="time_to_goal")
     second = evaluation("second", *(11.0 + k for k in range(5)), None, None, None, name="time_to_goal")
-    row = cells([first, second], METRICS["time_to_goal"])
-    assert [cell.summary.n for cell in row] == [8, 5]
-    assert [cell.mark for cell in row] == ["", ""], "the lower mean is not that of the better one"
+    assert [each.summary("time_to_goal").n for each in (first, second)] == [8, 5]
+    assert marks([first, second], METRICS["time_to_goal"]) == ["", ""], "the lower mean is not that of the better one"
     assert second.difference(first, "time_to_goal").mean == 1.0
-    assert [cell.differs for cell in row] == [False, False], "the means differ in the other direction"
+    assert not second.differs(first, "time_to_goal"), "the means differ in the other direction"
 
 
-def test_outcome_counts_fill_the_bar() -> None:
+def test_outcomes_fill_the_bar() -> None:
     collided = evaluation("a", 1.0, 0.0, 0.0, name="success_strict")
     late = evaluation("b", 0.0, name="success_strict", outcome="timeout")
     both = Evaluation("both", [*collided.episodes, *late.episodes])
     assert outcome_kinds([late, both]) == ["goal", "goal-collision", "timeout"]
-    counts = outcome_counts(both, ["goal", "goal-collision", "timeout"])
-    assert [(s.count, s.fraction, s.before) for s in counts] == [(1, 0.25, 0.0), (2, 0.5, 0.25), (1, 0.25, 0.75)]
-    assert all(s.interval.low < s.fraction < s.interval.high for s in counts)
+    shares = outcome_shares(both, ["goal", "goal-collision", "timeout"])
+    assert [(kind, share.count, share.fraction) for kind, share in shares.items()] == [
+        ("goal", 1, 0.25), ("goal-collision", 2, 0.5), ("timeout", 1, 0.25),
+    ]  # fmt: skip
+    assert all(share.interval.low < share.fraction < share.interval.high for share in shares.values())
+    page = page_of([both])
+    for kind, start, width in (("goal", "0.00", "25.00"), ("goal-collision", "25.00", "50.00"),
+                               ("timeout", "75.00", "25.00")):  # fmt: skip
+        assert f'<rect class="k-{kind}" x="{start}%" y="0" width="{width}%"' in page
 
 
 @pytest.mark.parametrize("values", [(0.0, 1.0), (3.2, 19.7), (-0.04, 0.003), (0.0, 0.0), (7.0, 7.0), (-2.0, -2.0)])
@@ -164,13 +164,15 @@ def test_axis_holds_its_values_and_a_few_round_ticks(values: tuple[float, float]
     assert all(0.0 <= position <= 100.0 and len(text) <= 6 for position, text in axis.ticks)
 
 
-def test_panel_omits_undefined_values() -> None:
-    assert panel([evaluation("a", None, None)], METRICS["spl"]) is None
-    found = panel([evaluation("a", 0.2, 0.4), evaluation("b", None), evaluation("c", 0.3)], METRICS["spl"])
-    assert found is not None
-    assert [(s.mean is None, s.interval is None, quartiles is None) for s, quartiles in found.rows] == [
-        (False, False, False), (True, True, True), (False, True, False),
-    ]  # fmt: skip
+def test_plot_omits_undefined_values() -> None:
+    assert '<section class="panel">' not in page_of([evaluation("a", None, None)], metrics=[METRICS["spl"]])
+    several = [evaluation("a", 0.2, 0.4), evaluation("b", None), evaluation("c", 0.3)]
+    page = page_of(several, metrics=[METRICS["spl"]])
+    assert page.count('<circle cx="') == 2
+    assert page.count('stroke-width="5"') == 1, "an interval needs two values"
+    assert page.count('stroke-width="1.5"></line>') == 2, "quartiles"
+    axis = axis_of(several, METRICS["spl"])
+    assert axis.low < 0.2 < 0.4 < axis.high
 
 
 def test_names_are_shortened_by_common_folders() -> None:
@@ -190,23 +192,20 @@ def test_a_class_is_named_without_its_file_and_a_long_name_without_its_middle() 
 
 def test_metrics_of_events_are_shares_and_have_no_plot_of_means() -> None:
     reached = evaluation("a", 1.0, 1.0, 0.0, None, name="success")
-    found = shares([reached, evaluation("b", 1.0, name="spl")], METRICS["success"])
-    assert found is not None
-    share, missing = found.rows
+    share = reached.share("success")
     assert share is not None
-    assert (share.count, share.total, missing) == (2, 3, None)
+    assert (share.count, share.total, evaluation("b", 1.0).share("success")) == (2, 3, None)
     assert share.interval.low < 2 / 3 < share.interval.high
-    hit = shares([evaluation("a", 0.0, 3.0, name="wall_collisions")], METRICS["wall_collisions"])
+    page = page_of([reached, evaluation("b", 1.0)], metrics=[METRICS["success"]])
+    assert "2 of 3 <small>" in page
+    assert "<circle" not in page
+    hit = evaluation("a", 0.0, 3.0, name="wall_collisions").share("wall_collisions")
     assert hit is not None
-    assert [(share.count, share.total) for share in hit.rows if share] == [(1, 2)]
-    assert panel([reached], METRICS["success"]) is None
-    assert shares([evaluation("a", 0.2, 0.4)], METRICS["spl"]) is None
+    assert (hit.count, hit.total) == (1, 2)
 
 
-def test_what_is_the_same_in_all_episodes_is_written_instead_of_drawn(tmp_path: Path) -> None:
-    pair = [evaluation(name, 0.0, 0.0, name="wall_collisions") for name in "ab"]
-    save_page(tmp_path / "a.html", pair)
-    page = (tmp_path / "a.html").read_text("utf-8")
+def test_what_is_the_same_in_all_episodes_is_written_instead_of_drawn() -> None:
+    page = page_of([evaluation(name, 0.0, 0.0, name="wall_collisions") for name in "ab"])
     assert "In no episode: wall collisions." in page
     assert '<section class="panel">' not in page
     assert constant_of([evaluation("a", 0.5, 0.5), evaluation("b", 0.5)], METRICS["spl"]) == 0.5
@@ -214,24 +213,21 @@ def test_what_is_the_same_in_all_episodes_is_written_instead_of_drawn(tmp_path: 
 
 
 @pytest.mark.parametrize(("count", "has_warning"), [(19, True), (20, False)])
-def test_page_warns_of_few_episodes(count: int, has_warning: bool, tmp_path: Path) -> None:
-    save_page(tmp_path / "a.html", [evaluation("a", *(0.1 for _ in range(count)))])
-    assert ("Few episodes" in (tmp_path / "a.html").read_text("utf-8")) is has_warning
+def test_page_warns_of_few_episodes(count: int, has_warning: bool) -> None:
+    assert ("Few episodes" in page_of([evaluation("a", *(0.1 for _ in range(count)))])) is has_warning
 
 
-def test_page_shows_an_evaluation_without_episodes(demo: tuple[Evaluation, list[Path]], tmp_path: Path) -> None:
+def test_page_shows_an_evaluation_without_episodes(demo: tuple[Evaluation, list[Path]]) -> None:
     one, files = demo
-    save_page(tmp_path / "a.html", [Evaluation("empty", []), one], [[], files])
-    page = (tmp_path / "a.html").read_text("utf-8")
+    page = page_of([Evaluation("empty", []), one], [[], files])
     assert page.count("<img") == 12
     assert Tags(page).open == []
-    save_page(tmp_path / "b.html", [Evaluation("empty", [])], [[]])
-    assert "<img" not in (tmp_path / "b.html").read_text("utf-8")
+    assert "<img" not in page_of([Evaluation("empty", [])], [[]])
 
 
-def test_other_suffix_is_refused(tmp_path: Path) -> None:
+def test_other_suffix_is_refused() -> None:
     with pytest.raises(RenderError, match=r"a\.txt: the name of an evaluation page must end in \.html"):
-        save_page(tmp_path / "a.txt", [evaluation("a", 0.5)])
+        check_page_path(Path("a.txt"))
 
 
 GOOD = {

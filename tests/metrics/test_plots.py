@@ -9,7 +9,7 @@ import pytest
 
 from sonata2d.errors import RenderError
 from sonata2d.metrics.catalogue import headline_metrics
-from sonata2d.metrics.measurement import Evaluation
+from sonata2d.metrics.evaluation import Evaluation
 from sonata2d.metrics.plots import chart, check_picture_path
 
 from .samples import measured

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sonata2d import Episode, JsonRecorder, SocialPlanner, StraightToGoal, generate, load_scenario
+from sonata2d import Episode, EpisodeRecorder, JsonRecorder, SocialPlanner, StraightToGoal, generate, load_scenario
 from sonata2d.agents.controllers.base import Controller
 from sonata2d.core.geometry import inside_polygon
-from sonata2d.core.humans import BODY_Y, Y
 from sonata2d.core.proxemics import clearance
 from sonata2d.core.snapshot import Snapshot
+from sonata2d.datasets.transforms.mirror import mirrored
 from sonata2d.errors import ConfigError
-from sonata2d.metrics.encounters import Encounter, Meeting, Tracks, doorways, encounter
-from sonata2d.metrics.situations import SITUATIONS, SnapshotCollector, judge, rehearse
+from sonata2d.metrics.encounters import Encounter, doorways, encounter
+from sonata2d.metrics.situations import SITUATIONS, judge, rehearse
 from sonata2d.record.reader import read_episode
+from sonata2d.record.record import EpisodeRecord
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.scenegen.scenario.load import scenario_names
 
@@ -27,16 +27,16 @@ SEEDS = range(4)
 
 
 @cache
-def snapshots(name: str, seed: int, driver: type[Controller] = SocialPlanner) -> tuple[Snapshot, ...]:
-    """All snapshots of an episode of a preset."""
-    collector = SnapshotCollector()
-    Episode(generate(load_scenario(name), seed), driver(), observers=[collector]).run()
-    return tuple(collector.snapshots)
+def record_of(name: str, seed: int, driver: type[Controller] = SocialPlanner) -> EpisodeRecord:
+    """An episode of a preset."""
+    recorder = EpisodeRecorder()
+    Episode(generate(load_scenario(name), seed), driver(), observers=[recorder]).run()
+    return recorder.record()
 
 
 @cache
 def encounter_of(name: str, seed: int, driver: type[Controller] = SocialPlanner) -> Encounter:
-    return encounter(snapshots(name, seed, driver))
+    return encounter(record_of(name, seed, driver))
 
 
 @pytest.mark.parametrize("driver", [SocialPlanner, StraightToGoal])
@@ -96,21 +96,20 @@ def test_distant_person_is_not_met() -> None:
     assert "no person came towards the robot (person 1 head-on, " in verdict.description
 
 
-def test_people_are_met_only_while_they_are_present(tmp_path: Path) -> None:
+def test_people_are_met_only_while_they_are_present() -> None:
     config = load_scenario("frontal-approach")
     passer = {"x": -5.0, "y": 0.8, "goals": [[5.0, 0.8]], "enters": 2.0, "exits": True, "group": 1}
     late = {"x": 5.0, "y": -0.8, "goals": [[-5.0, -0.8]], "enters": 50.0, "exits": True, "group": 1}
     people = [person.model_dump(mode="json", exclude_unset=True) for person in config.people]
     scene = generate(config.changed(people=[*people, passer, late]), 1)
-    collector = SnapshotCollector()
-    with JsonRecorder(tmp_path / "one.json") as recorder:
-        Episode(scene, SocialPlanner(), observers=[collector, recorder]).run()
-    live, recorded = encounter(collector.snapshots), encounter(read_episode(tmp_path / "one.json"))
-    assert live.groups == recorded.groups == ()  # the members are never present together
-    assert [m.person for m in live.meetings] == [m.person for m in recorded.meetings] == [1, 2]
-    assert live.meetings[1].kind in ("overtaken", "alongside")
-    assert live.density * 13 * 2.2 < 3
-    assert judge("frontal-approach", collector.snapshots).took_place
+    recorder = EpisodeRecorder()
+    Episode(scene, SocialPlanner(), observers=[recorder]).run()
+    found = encounter(recorder.record())
+    assert found.groups == ()  # the members are never present together
+    assert [m.person for m in found.meetings] == [1, 2]
+    assert found.meetings[1].kind in ("overtaken", "alongside")
+    assert found.density * 13 * 2.2 < 3
+    assert judge("frontal-approach", recorder.record()).took_place
 
 
 def test_recorded_episode_has_the_verdict_of_the_live_one(tmp_path: Path) -> None:
@@ -118,12 +117,12 @@ def test_recorded_episode_has_the_verdict_of_the_live_one(tmp_path: Path) -> Non
         Episode(generate(load_scenario("blind-corner"), 2), SocialPlanner(), observers=[recorder]).run()
     recorded = judge("blind-corner", read_episode(tmp_path / "corner.json"))
     assert recorded.took_place
-    assert recorded == judge("blind-corner", snapshots("blind-corner", 2))
+    assert recorded == judge("blind-corner", record_of("blind-corner", 2))
 
 
 def test_meeting_has_person_time_clearance_and_sight_distance() -> None:
     (meeting,) = encounter_of("blind-corner", 1).meetings
-    states = snapshots("blind-corner", 1)
+    states = list(record_of("blind-corner", 1).snapshots())
     nearest = round(meeting.time / states[0].dt)
     distances = [math.dist(s.robot.position, s.humans.position[0]) for s in states]
     assert meeting.person == 1
@@ -143,33 +142,12 @@ def is_seen(snapshot: Snapshot) -> bool:
 
 
 def test_meeting_of_a_mirrored_episode_changes_sides_only() -> None:
-    (meeting,) = encounter_of("intersection", 3).meetings
-    mirrored = meeting_of_mirror_image(snapshots("intersection", 3))
-    assert mirrored.side != meeting.side
-    assert (mirrored.kind, mirrored.time, mirrored.sight_distance) == (
-        meeting.kind, meeting.time, meeting.sight_distance,
-    )  # fmt: skip
-    assert mirrored.clearance == pytest.approx(meeting.clearance)
-    assert len(Tracks.of(snapshots("intersection", 3)).robot) == len(snapshots("intersection", 3))
-
-
-def meeting_of_mirror_image(states: tuple[Snapshot, ...]) -> Meeting:
-    """The only meeting of an episode after y has changed its sign."""
-
-    def mirrored(snapshot: Snapshot) -> Snapshot:
-        x, y = snapshot.robot.position
-        scene = snapshot.scene
-        walls = tuple(replace(w, start=(w.start[0], -w.start[1]), end=(w.end[0], -w.end[1])) for w in scene.walls)
-        state = snapshot.humans.state.copy()
-        state[:, [Y, BODY_Y]] *= -1.0
-        return replace(
-            snapshot,
-            scene=replace(scene, walls=walls),
-            robot=replace(snapshot.robot, position=(x, -y)),
-            humans=replace(snapshot.humans, state=state),
-        )
-
-    return encounter([mirrored(snapshot) for snapshot in states]).meetings[0]
+    record = record_of("intersection", 3)
+    (meeting,), (mirror_image,) = encounter(record).meetings, encounter(mirrored(record)).meetings
+    assert mirror_image.side != meeting.side
+    assert (mirror_image.kind, mirror_image.time) == (meeting.kind, meeting.time)
+    assert mirror_image.sight_distance == meeting.sight_distance
+    assert mirror_image.clearance == pytest.approx(meeting.clearance)
 
 
 def test_doorway_is_a_gap_between_free_ends_of_walls() -> None:
@@ -183,10 +161,10 @@ def test_centre_of_an_open_circle_is_that_of_the_circle() -> None:
     (group,) = encounter_of("joining-a-group", 1).groups
     assert group.radius == pytest.approx(0.85, abs=0.1)
     assert group.joined
-    robot = np.array(snapshots("joining-a-group", 1)[-1].robot.position)
+    robot = record_of("joining-a-group", 1).states.robot[-1, :2]
     assert float(np.hypot(*robot)) == pytest.approx(group.distance, abs=0.15)
 
 
 def test_unknown_situation_is_refused_with_the_known_names() -> None:
     with pytest.raises(ConfigError, match="no situation is named 'corner'; situations are frontal-approach, "):
-        judge("corner", snapshots("overtaking", 0))
+        judge("corner", record_of("overtaking", 0))

@@ -21,7 +21,7 @@ from sonata2d.core.entities import (
     Wall,
 )
 from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist
-from sonata2d.core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, VX, Humans, X, Y, constant_of
+from sonata2d.core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, VX, Humans, X, Y
 from sonata2d.core.portable_math import unit_vector, unit_vectors
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot
@@ -106,7 +106,7 @@ def people(of: Scene, time: float) -> Humans:
     directions = unit_vectors(np.array([human.pose.theta for human in of.humans]))
     rows[:, BODY_X : BODY_Y + 1] = rows[:, GAZE_X : GAZE_Y + 1] = directions
     activity = np.array([1 if h.behaviour == "wandering" else 4 for h in of.humans], dtype=np.int64)
-    return Humans(rows, *constant_of(of), activity)
+    return of.human_table.with_state(rows, activity)
 
 
 def run(recorder: EpisodeRecorder, of: Scene | None = None, *, ticks: int = 6, labels: Any = None) -> list[Frame]:

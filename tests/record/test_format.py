@@ -15,7 +15,7 @@ from sonata2d.core.entities import Door, Furniture, Goal, Group, Human, Limits, 
 from sonata2d.core.geometry import Disc, Rectangle
 from sonata2d.core.labels import LabelSpec
 from sonata2d.core.scene import Rules, Social
-from sonata2d.datasets.check import check_episode
+from sonata2d.datasets import check_episode
 from sonata2d.record.models import Episode
 from sonata2d.record.reader import read_episode
 from sonata2d.record.recorder import EpisodeRecorder

@@ -16,8 +16,7 @@ from sonata2d.core.devices import ImageRequest
 from sonata2d.core.geometry import Twist
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import Snapshot
-from sonata2d.datasets.generate import generate_dataset
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import generate_dataset, verify
 from sonata2d.errors import ControllerError
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.sim.episode import Episode

@@ -15,8 +15,8 @@ from sonata2d.core.entities import TALKING, WALKING_TOGETHER, Group, Human, Inte
 from sonata2d.core.geometry import Point, Pose
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Snapshot
-from sonata2d.datasets.check import check_episode
-from sonata2d.datasets.replay import check_replay
+from sonata2d.datasets import check_episode
+from sonata2d.datasets.check.replay import check_replay
 from sonata2d.metrics.disturbance import without_robot
 from sonata2d.record.reader import read_episode
 from sonata2d.record.recorder import JsonRecorder

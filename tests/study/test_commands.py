@@ -6,15 +6,20 @@ import json
 import os
 import signal
 import socket
+import subprocess
+import sys
+import time
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from urllib.request import urlopen
 
 import pytest
 from click.testing import CliRunner, Result
+from sonata2d_cli import collect
 from sonata2d_cli.main import main
 
-from sonata2d.study.folder import opened_folder
+from sonata2d.study.folder import opened_folder, read_state
 from sonata2d.study.load import Study, load_study
 from sonata2d.study.participant import Participant
 
@@ -108,7 +113,76 @@ def test_a_server_that_is_interrupted_before_it_serves_has_not_served(
     assert "terminated" in run(*words, study_file, *out, "--port", "0", code=128 + signal.SIGTERM).output
 
 
-@pytest.mark.parametrize("option", [("--runs", "3"), ("--scenario", "empty"), ("--rate", "recorded"), ("--seed", "1")])
-def test_options_that_the_study_sets(option: tuple[str, str], out: Path, study_file: Path) -> None:
+@pytest.mark.parametrize(
+    ("option", "reason"),
+    [
+        (("--runs", "3"), "is set by the study file"),
+        (("--scenario", "empty"), "is set by the study file"),
+        (("--rate", "recorded"), "is set by the study file"),
+        (("--seed", "1"), "is set by the study file"),
+        (("--size", "800", "600"), "is for the window, and a browser shows the study"),
+        (("--language", "de"), "is for the window, and a browser shows the study"),
+    ],
+)
+def test_options_that_do_not_apply_to_a_study(
+    option: tuple[str, ...], reason: str, out: Path, study_file: Path
+) -> None:
     words = ["collect", "--study", study_file, *option] + ([] if option[0] == "--rate" else [out])
-    assert f"{option[0]} is set by the study file" in run(*words, code=2).output
+    assert f"{option[0]} {reason}" in run(*words, code=2).output
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the browser is a shell script")
+@pytest.mark.parametrize("contributor", ["zoe", None])
+def test_collect_serves_a_study_and_opens_its_page(contributor: str | None, study_file: Path, tmp_path: Path) -> None:
+    browser, opened, out = tmp_path / "browser", tmp_path / "opened", tmp_path / "out"
+    # It ends when the test ends, like a browser that was started by this command.
+    browser.write_text(f'#!/bin/sh\nprintf %s "$1" > {opened}.partial\nmv {opened}.partial {opened}\nexec sleep 300\n')
+    browser.chmod(0o755)
+    words = ["collect", str(out), "--study", str(study_file), *(["--contributor", contributor] if contributor else [])]
+    program = subprocess.Popen(
+        [sys.executable, "-m", "sonata2d_cli", *words],
+        env=os.environ | {"BROWSER": str(browser)},
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        while not opened.exists():
+            assert program.poll() is None
+            time.sleep(0.05)
+        link = opened.read_text()
+        assert link.split("/")[3] == ("s" if contributor else "j")
+        with urlopen(link) as page:
+            assert "Passing people" in page.read().decode()
+        program.send_signal(signal.SIGINT)
+        assert program.wait() == 0
+    finally:
+        os.killpg(program.pid, signal.SIGKILL)  # with the browser
+        output, _ = program.communicate()
+    assert f"{contributor or 'open link'}:  {link}\n" in output
+    assert f"next:  sonata2d study results {out} tables" in output
+    assert read_state(out)["participants"] == ([contributor] if contributor else [])
+
+
+def test_collect_says_how_to_open_a_study_without_a_browser(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("webbrowser.open", lambda link: False)
+    collect._open_page("http://127.0.0.1:1/s/token")
+    message = capsys.readouterr().err
+    assert "open http://127.0.0.1:1/s/token in a browser of this machine" in message
+    assert "use `sonata2d serve`" in message
+
+
+def test_collect_names_the_extra_that_serves_studies(
+    study_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    output = run("collect", tmp_path / "out", "--study", study_file, code=1).output
+    assert "uvicorn is not installed: pip install 'sonata2d[serve]'" in output
+
+
+def test_a_withdrawn_participant_is_refused(out: Path, study_file: Path) -> None:
+    run("study", "remove", out, "p1", "--yes")
+    output = run("collect", out, "--study", study_file, "--contributor", "p1", code=1).output
+    assert "p1 has withdrawn from the study; choose another id" in output

@@ -11,9 +11,12 @@ from click.testing import CliRunner
 from sonata2d_cli.main import main
 
 from sonata2d.errors import ConfigError
-from sonata2d.study.config import QuestionConfig, StudyConfig
+from sonata2d.study.config import StudyConfig
+from sonata2d.study.content import question_content
 from sonata2d.study.load import load_study
-from sonata2d.study.plan import latin_square_row, run_order, shuffled, steps_of
+from sonata2d.study.plan import latin_square_row, run_order
+from sonata2d.study.progress import Progress
+from sonata2d.study.questions import Likert
 from sonata2d.study.scales import scale_named, scale_names
 
 from .conftest import STUDY
@@ -31,7 +34,7 @@ from .conftest import STUDY
         ("[warmth]", "[warm]", "line 17: end.0.subscales.0: rosas has no part 'warm'; it has warmth, comp"),
         ("classes: 5", "points: 5", "line 12: after_run.0.classes: give the names of the classes"),
         ("name: effort", "name: 1st", "line 12: after_run.0.name: a name begins with a letter"),
-        ("name: effort", "name: driver", "line 13: after_run.1: two questions have the name 'driver'"),
+        ("name: effort", "name: driver", "line 13: after_run.1.name: two questions have the name 'driver'"),
         ("minimum: 18", "minimum: 180", "line 6: demographics.0.minimum: the minimum is above"),
         ("kind: yes_no", "kind: number", "line 15: ratings.0.question.kind: runs are rated with"),
         ("title: Passing", "languages: [en, de]\ntitle: Passing", "line 2: title: a text of a study in several lang"),
@@ -201,12 +204,23 @@ def test_orders_of_runs() -> None:
     assert orders[3] != tuple(run_order(config_with(order="shuffled", seed=1), 3))
 
 
-def test_items_are_shuffled_for_each_participant() -> None:
-    config = config_with(end=[{"scale": "rosas", "shuffle": True}])
-    (entry,) = steps_of(config, 0)[-2].entries
-    orders = {tuple(shuffled(entry, 0, k)) for k in range(5)}  # type: ignore[arg-type]
+def test_items_are_shuffled_for_each_participant(tmp_path: Path) -> None:
+    likert = "{name: felt, kind: likert, question: Q, items: {a: A, b: B, c: C, d: D, e: E, f: F}, shuffle: true}"
+    end = f"end:\n  - {{scale: rosas, shuffle: true}}\n  - {{scale: godspeed}}\n  - {likert}\n"
+    (tmp_path / "study.yaml").write_text(f"title: t\nruns: [{{scenario: empty}}]\n{end}")
+    study = load_study(tmp_path / "study.yaml")
+
+    def order_of(k: int, participant: int) -> tuple[str, ...]:
+        content = question_content(study.config.end[k], Progress(study, participant))
+        return tuple(item["name"] for item in content["items"])
+
+    orders = {order_of(0, participant) for participant in range(5)}
     assert len(orders) == 5
     assert {frozenset(order) for order in orders} == {frozenset(item.name for item in scale_named("rosas").items)}
+    assert {order_of(1, participant) for participant in range(5)} == {
+        tuple(item.name for item in scale_named("godspeed").items)
+    }
+    assert len({order_of(2, participant) for participant in range(5)}) > 1
 
 
 def test_scenes_of_blocks_have_different_numbers(tmp_path: Path) -> None:
@@ -238,8 +252,7 @@ def test_rows_of_a_table_can_be_reversed_or_pairs_of_opposites(tmp_path: Path) -
         "      pair: {ends: [{en: bad, de: schlecht}, {en: good, de: gut}]}\n"
     )
     (table,) = load_study(tmp_path / "study.yaml").config.end
-    assert isinstance(table, QuestionConfig)
-    assert table.items is not None
+    assert isinstance(table, Likert)
     assert [(item.name, item.reversed, item.ends is not None) for item in table.items] == [
         ("calm", False, False), ("tense", True, False), ("pair", False, True)
     ]  # fmt: skip

@@ -11,16 +11,16 @@ import pytest
 
 from sonata2d.agents.controllers.teleoperation import DEFAULT_MAPPINGS
 from sonata2d.collect.session import Session
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import verify
 from sonata2d.errors import ConfigError, RecordError
 from sonata2d.metrics import evaluate
 from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.load import load_scenario
 from sonata2d.study.answers import checked_answers
-from sonata2d.study.config import QuestionConfig
 from sonata2d.study.folder import StudyFolder
 from sonata2d.study.load import load_study
 from sonata2d.study.participant import Participant
+from sonata2d.study.questions import Number
 from sonata2d.study.removal import remove_participant
 from sonata2d.study.report import _score_rows, results_of, save_results
 
@@ -300,7 +300,7 @@ def test_consent_can_be_declined_and_reconsidered(arrive: Arrive) -> None:
         ({"age": True}, "age is True; a number"),
         ({"age": float("nan")}, "age is nan; a number"),
         ({"age": "30"}, "age is '30'; a number"),
-        ({"age": 30, "remark": 4}, "4 is not a valid remark"),
+        ({"age": 30, "remark": 4}, "remark is 4; a text is expected"),
         ({"age": 30, "remark": "x" * 5001}, "remark has 5001 characters"),
         ({"age": 30, "hobby": 1}, "there is no question 'hobby'"),
     ],
@@ -315,7 +315,7 @@ def test_an_answer_that_does_not_fit_is_refused(arrive: Arrive, values: dict[str
 
 
 def test_a_number_without_limits_is_a_number() -> None:
-    question = QuestionConfig(name="height", kind="number", question="Your height")
+    question = Number(name="height", kind="number", question="Your height")
     assert checked_answers([question], {"height": 1.7}) == {"height": 1.7}
     with pytest.raises(ValueError, match="height is 'tall'; a number is expected"):
         checked_answers([question], {"height": "tall"})
@@ -359,7 +359,7 @@ def test_a_cut_line_is_repaired_and_a_damaged_one_refused(arrive: Arrive, tmp_pa
     participant.consent("consent", [True, True])
     assert arrive().step.id == "demographics"
     path.write_bytes(b"{}\n" + path.read_bytes())
-    with pytest.raises(RecordError, match=r"p1\.jsonl, line 1: it is not an event"):
+    with pytest.raises(RecordError, match=r"p1\.jsonl, line 1 is not an event"):
         arrive()
 
 

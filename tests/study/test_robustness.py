@@ -195,7 +195,7 @@ def test_scores_of_tables_with_the_same_name_in_two_sections() -> None:
     config = {
         "demographics": [own | {"items": [{"name": "calm", "subscale": "before"}]}],
         "after_run": [own | {"items": items}],
-        "end": [{"name": "", "scale": "rosas", "subscales": ["warmth"]}],
+        "end": [{"name": "rosas", "scale": "rosas", "subscales": ["warmth"]}],
     }
     answers = [
         {"participant": "p1", "step": step, "file": None, "question": question, "item": item, "value": value}
@@ -337,7 +337,7 @@ def test_what_can_be_repeated_has_a_limit(arrive: Arrive, monkeypatch: pytest.Mo
         drive(participant)
         participant.redo()
     drive(participant)
-    with pytest.raises(ValueError, match="which is the limit"):
+    with pytest.raises(ValueError, match="reached the limit of"):
         participant.redo()
     participant.keep(0.5)  # what goes on is not limited
 

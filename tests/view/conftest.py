@@ -11,12 +11,12 @@ import pytest
 
 from sonata2d.core.entities import AT_LAPTOP, TALKING, Furniture, Goal, Human, Interaction, Robot, Wall
 from sonata2d.core.geometry import Disc, Point, Pose, Rectangle, Twist
-from sonata2d.core.humans import ACTIVITIES, BODY_X, BODY_Y, GAZE_X, GAZE_Y, Humans, X, Y, constant_of
+from sonata2d.core.humans import ACTIVITIES, BODY_X, BODY_Y, GAZE_X, GAZE_Y, X, Y
 from sonata2d.core.portable_math import unit_vector, unit_vectors
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import RobotState, Snapshot
 from sonata2d.view.camera import Camera
-from sonata2d.view.draw import Layers
+from sonata2d.view.layers import Layers
 
 CORNERS = ((0.0, 0.0), (6.0, 0.0), (6.0, 2.5), (3.0, 2.5), (3.0, 5.0), (0.0, 5.0))
 BARE = Layers(gaze=False, links=False, grid=False, caption=False)
@@ -48,7 +48,7 @@ def snapshot_at(scene: Scene, tick: int = 0, robot: Pose | None = None) -> Snaps
     state[:, X : Y + 1] = [human.pose.position for human in scene.humans]
     angles = np.array([human.pose.theta for human in scene.humans])
     state[:, BODY_X : BODY_Y + 1], state[:, GAZE_X : GAZE_Y + 1] = unit_vectors(angles), unit_vectors(angles + 0.3)
-    humans = Humans(state, *constant_of(scene), np.arange(len(state)) % len(ACTIVITIES))
+    humans = scene.human_table.with_state(state, np.arange(len(state)) % len(ACTIVITIES))
     body = RobotState(pose.position, unit_vector(pose.theta), (1.0, 0.0), 0.0, Twist(1.0), False, scene.robot)
     return Snapshot(tick, tick * scene.rules.dt, scene, body, humans, scene.interactions)
 

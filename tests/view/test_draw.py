@@ -14,7 +14,8 @@ from sonata2d.errors import RenderError
 from sonata2d.view.annotations import Label, draw_labels, value_text
 from sonata2d.view.camera import Camera
 from sonata2d.view.canvas import PixelCanvas
-from sonata2d.view.draw import Layers, backdrop, camera_for, picture
+from sonata2d.view.draw import backdrop, camera_for, picture
+from sonata2d.view.layers import Layers
 from sonata2d.view.legend import Legend
 from sonata2d.view.network import Panel, network_picture
 from sonata2d.view.palette import ACTIVITY, FLOOR, GOAL, PAPER, ROBOT, WALL, time_colour

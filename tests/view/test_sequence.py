@@ -12,8 +12,9 @@ from hypothesis import given, strategies as st
 from sonata2d.core.geometry import Pose
 from sonata2d.core.snapshot import Contact
 from sonata2d.view.canvas import PixelCanvas, TrackingCanvas
-from sonata2d.view.draw import QUICK, Layers, backdrop, camera_for, picture
+from sonata2d.view.draw import QUICK, backdrop, camera_for, picture
 from sonata2d.view.film import paced
+from sonata2d.view.layers import Layers
 from sonata2d.view.legend import Legend
 from sonata2d.view.sequence import PictureSequence, boxes_of, tiles_of
 from sonata2d.view.trails import Trails

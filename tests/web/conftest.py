@@ -19,6 +19,7 @@ from sonata2d.study.links import Links
 from sonata2d.study.load import load_study
 from sonata2d.web.serve import server_config
 from sonata2d.web.server import StudyServer
+from sonata2d.web.settings import ServerSettings
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 STUDY_TEXT = """\
@@ -78,7 +79,7 @@ class Served:
         self.out = self.folder / "out"
         study_folder = StudyFolder(self.out, study)
         self.links = Links(self.out / STUDY)
-        self.server = StudyServer(study_folder, self.links, **self._settings)
+        self.server = StudyServer(study_folder, self.links, ServerSettings(**self._settings))
         self._uvicorn = uvicorn.Server(server_config(self.server.app, 200, port=0, timeout_graceful_shutdown=2))
         self._loop = asyncio.new_event_loop()
         serving = self._uvicorn.serve()

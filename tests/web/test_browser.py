@@ -9,7 +9,7 @@ from typing import Any
 
 from sonata2d.collect.session import Session
 from sonata2d.core.devices import NETWORK_DEVICE
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import verify
 from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.load import load_scenario
 from sonata2d.study.report import results_of

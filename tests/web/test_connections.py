@@ -65,7 +65,7 @@ def test_a_page_that_reads_nothing_keeps_nobody_out(served: Served) -> None:
 
 
 def test_each_request_of_a_connection_must_be_complete(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sonata2d.web.protocol._PATIENCE", 0.3)
+    monkeypatch.setattr("sonata2d.web.protocol._TIMEOUT_S", 0.3)
     with socket.create_connection(("127.0.0.1", served.port), timeout=4) as raw:
         raw.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
         assert b"200 OK" in raw.recv(4096)
@@ -132,7 +132,7 @@ def test_a_view_in_the_middle_of_a_run_releases_all_controls(served: Served) -> 
         assert client.tick(run, 1)["status"] == "driving"
         view = client.ask(type="language", language="de")
         assert (view["language"], view["drive"]["status"]) == ("de", "paused")
-        session = served.server.seats["p001"].participant.session
+        session = served.server.sessions["p001"].participant.session
         assert session is not None
         for number in range(2, 20):
             client.tick(run, number)

@@ -12,7 +12,7 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.record.reader import read_episode
-from sonata2d.view.draw import Layers
+from sonata2d.view.layers import Layers
 from sonata2d.view.painter import Painter
 
 from .conftest import Served

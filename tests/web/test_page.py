@@ -6,6 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from sonata2d.record.reader import read_episode
+from sonata2d.registry import QUESTION_KINDS
+from sonata2d.study import Question
+from sonata2d.study.report import results_of
 
 from .conftest import Served
 from .proxy import Proxy
@@ -14,7 +17,7 @@ from .test_robustness import driven_by_a_pad
 
 
 def session_of(served: Served, id: str = "p001") -> Any:
-    session = served.server.seats[id].participant.session
+    session = served.server.sessions[id].participant.session
     assert session is not None
     return session
 
@@ -165,3 +168,61 @@ def test_a_language_that_is_chosen_while_driving_pauses_the_run(browser: Any, se
     events = [(e.control, e.value) for tick in session._episode.past for e in tick.events]
     assert [value for control, value in events if control == "w"] == [1.0, 0.0]
     assert [value for control, value in events if control == "a"] == [1.0, 0.0]
+
+
+class Past(Question):
+    """A date before 2020."""
+
+    renderer = "input"
+
+    input: str = "date"
+
+    def check(self, value: Any) -> Any:
+        if not str(value) < "2020":
+            raise self.refusal(value, "a date before 2020")
+        return value
+
+
+class Colour(Question):
+    """A colour; the page has no renderer of this name."""
+
+    renderer = "palette"
+
+
+def test_kinds_of_other_packages_are_drawn_and_checked(browser: Any, study_folder: Path) -> None:
+    for name, kind in (("past", Past), ("colour", Colour)):
+        QUESTION_KINDS.register(name, kind)
+    questions = "".join(
+        f"  - {{name: {name}, kind: {name}, question: {{en: {text}, de: {text}, zh: {text}}}}}\n"
+        for name, text in (("past", "Since"), ("colour", "Colour"))
+    )
+    text = (study_folder / "study.yaml").read_text(encoding="utf-8")
+    text = text.replace("demographics:\n", f"demographics:\n{questions}")
+    (study_folder / "study.yaml").write_text(text, encoding="utf-8")
+    served = Served(study_folder)
+    try:
+        page = opened(browser, served.link())
+        page.get_by_role("button", name="Continue", exact=True).click()
+        page.get_by_label("I am 18 or older.").check()
+        page.get_by_role("button", name="I agree", exact=True).click()
+        page.get_by_label("Your age").fill("44")
+        page.get_by_label("Since").fill("2024-05-17")
+        go_on(page)
+        assert page.locator("form > .problem").inner_text() == "Questions without an answer: 1"
+        page.get_by_label("Colour").fill("red")
+        go_on(page)
+        page.get_by_text(
+            "That was not possible. Please try again. (past is '2024-05-17'; a date before 2020"
+        ).wait_for()
+        assert page.locator("textarea").input_value() == "red"
+        page.get_by_label("Since").fill("2019-05-17")
+        go_on(page)
+        page.wait_for_selector("#status.waiting")
+        assert page.problems == []
+        page.context.close()
+    finally:
+        served.stop()
+        for name in ("past", "colour"):
+            del QUESTION_KINDS.registered[name]
+    answers = {row["question"]: row["value"] for row in results_of(served.out, personal=True)["answers"]}
+    assert answers == {"age": 44, "past": "2019-05-17", "colour": "red"}

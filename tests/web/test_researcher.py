@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import verify
 from sonata2d.study.export import export_study
+from sonata2d.study.participant import Participant
 
 from .conftest import Served
 from .test_browser import end, go_on, opened, prepare
@@ -70,14 +71,14 @@ def test_progress_of_participants(served: Served) -> None:
         assert again["isOpen"] is False
 
 
-def test_all_runs_are_held_and_go_on(served: Served) -> None:
+def test_all_runs_are_paused_and_go_on(served: Served) -> None:
     with client_of(served.link()) as participant, client_of(page_of(served)) as researcher:
         run = participant.prepare()["drive"]["run"]
         participant.tick(run, 0, ("keyboard", "w", 1.0))
-        assert researcher.ask(type="hold", value=True)["isHeld"] is True
-        held = participant.tick(run, 1)
-        assert (held["ticks"], held["status"], held["isHeld"]) == (1, "paused", True)
-        assert researcher.ask(type="hold", value=False)["isHeld"] is False
+        assert researcher.ask(type="pause_study", value=True)["isStudyPaused"] is True
+        paused = participant.tick(run, 1)
+        assert (paused["ticks"], paused["status"], paused["isStudyPaused"]) == (1, "paused", True)
+        assert researcher.ask(type="pause_study", value=False)["isStudyPaused"] is False
         assert participant.tick(run, 1)["ticks"] == 2
 
 
@@ -127,7 +128,7 @@ def test_agreement_of_ratings(served: Served) -> None:
         assert (before["ratings"], before["alpha"], before["same"]) == (0, None, None)
         for answers in ([True] * 10, [True] * 5 + [False] * 5):
             served.server.new_participant()
-            participant = served.server._open_participant(served.server.folder.participants[-1])
+            participant = Participant(served.server.folder, served.server.folder.participants[-1])
             while participant.step.kind != "ratings":
                 participant.skip(participant.step.id)
             for answer in answers:
@@ -138,6 +139,7 @@ def test_agreement_of_ratings(served: Served) -> None:
     assert block["measure"] == "Krippendorff's alpha, nominal"
     assert block["alpha"] == pytest.approx(1 - 19 * 10 / (2 * 15 * 5))  # 5 disagreements; 15 yes and 5 no
     assert len(block["disputed"]) == 5
+    assert set(block["disputed"][0]["labels"].values()) == {"yes", "no"}
 
 
 def test_the_page_in_a_browser(browser: Any, served: Served, tmp_path: Path) -> None:
@@ -152,10 +154,10 @@ def test_the_page_in_a_browser(browser: Any, served: Served, tmp_path: Path) -> 
     page.locator("#rows button", has_text="p001").evaluate("button => button.click()")
     page.wait_for_selector("#screen:not([hidden])")
     page.get_by_text("practises (practice-1) · recording").wait_for()
-    page.locator("#hold").evaluate("button => button.click()")
-    participant.get_by_text("The study is interrupted for a moment. Please wait.").wait_for()
+    page.locator("#pause").evaluate("button => button.click()")
+    participant.get_by_text("The study is paused for a moment. Please wait.").wait_for()
     participant.wait_for_selector("#status.paused")
-    page.locator("#hold").evaluate("button => button.click()")
+    page.locator("#pause").evaluate("button => button.click()")
     participant.get_by_text("Paused. Drive on when you are ready.").wait_for()
     participant.keyboard.up("w")
     participant.keyboard.down("w")

@@ -21,7 +21,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 
 from sonata2d.core.devices import NETWORK_DEVICE
-from sonata2d.datasets.verification import verify
+from sonata2d.datasets import verify
 from sonata2d.record.reader import read_episode
 
 from .conftest import Served
@@ -115,7 +115,7 @@ def test_a_closed_tab_stops_the_robot_and_keeps_the_journal(browser: Any, served
     page.wait_for_selector("#status.driving")
     page.wait_for_timeout(400)
     page.context.close()
-    session = served.server.seats["p001"].participant.session
+    session = served.server.sessions["p001"].participant.session
     assert session is not None
     until = time.monotonic() + 10
     while session.state == "driving" and time.monotonic() < until:
@@ -124,7 +124,7 @@ def test_a_closed_tab_stops_the_robot_and_keeps_the_journal(browser: Any, served
     ticks = session.ticks
     page = opened(browser, link)
     page.wait_for_selector("#status.paused")
-    assert served.server.seats["p001"].participant.session is session
+    assert served.server.sessions["p001"].participant.session is session
     assert session.ticks == ticks
     page.context.close()
 

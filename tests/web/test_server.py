@@ -159,9 +159,9 @@ def test_the_memory_of_participants_who_are_away_is_freed(served: Served) -> Non
         client.prepare()
         researcher.ask(type="overview")
         until = time.monotonic() + 10
-        while set(served.server.seats) != {"p002"} and time.monotonic() < until:
-            served.call(served.server.free_seats(0.0))
-        assert set(served.server.seats) == {"p002"}
+        while set(served.server.sessions) != {"p002"} and time.monotonic() < until:
+            served.call(served.server.close_sessions(0.0))
+        assert set(served.server.sessions) == {"p002"}
         rows = researcher.ask(type="overview")["participants"]
         assert [row["step"] for row in rows] == ["practice-1", "practice-1"]
     with client_of(away) as client:
@@ -186,7 +186,7 @@ def test_a_page_replaces_its_own_lost_connection(study_folder: Path) -> None:
 
 
 def test_a_connection_without_a_request_is_closed(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sonata2d.web.protocol._PATIENCE", 0.3)
+    monkeypatch.setattr("sonata2d.web.protocol._TIMEOUT_S", 0.3)
     with client_of(served.link()) as client:
         silent, half = (socket.create_connection(("127.0.0.1", served.port), timeout=10) for _ in range(2))
         half.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n")
@@ -237,8 +237,8 @@ def test_a_page_cannot_drive_faster_than_time_passes(served: Served) -> None:
 
     with client_of(served.link()) as client:
         run = client.prepare()["drive"]["run"]
-        seat = served.server.seats["p001"]
-        seat._clock, seat._sleep, seat._filled = lambda: 0.0, sleep, 0.0
+        session = served.server.sessions["p001"]
+        session._clock, session._sleep, session._filled = lambda: 0.0, sleep, 0.0
         for number in range(25):
             client.tick(run, number)
     assert [round(seconds, 3) for seconds in slept] == [round(0.1 * k / 1.1, 3) for k in range(1, 6)]

@@ -13,7 +13,7 @@ SOURCE = "\n".join(
     path.read_text(encoding="utf-8") for path in sorted(FOLDER.rglob("*")) if path.suffix in (".js", ".html", ".py")
 )
 SECTIONS = "web|menu|readings|keys|run|notice|question|rating|action|player|researcher|help|legend"
-KEY = re.compile(rf"""["']((?:{SECTIONS})\.(?!html)\w+)["']""")
+KEY = re.compile(rf"""["']((?:{SECTIONS})\.(?!html|js\b)\w+)["']""")
 
 
 def test_every_word_that_the_page_names_exists() -> None:

@@ -8,17 +8,18 @@ import pygame
 
 from sonata2d.core.devices import DeviceEvent
 from sonata2d.window.actions import Action
-from sonata2d.window.input import AXES, BUTTONS, InputDevices, Pad, SdlPads
+from sonata2d.window.input import InputDevices, Pad, SdlPads
+from sonata2d.window.profiles import AXES, BUTTONS
 
 SIZE = (1000, 500)  # full deflection of the mouse joystick: 110 px
-XBOX, STICK = "guid-xbox", "guid-stick"
+XBOX, STICK = "Pad", "Stick"
 
 
 class FakePads(SdlPads):
     """Pads that are connected by the test."""
 
     def __init__(self, *, works: bool = True) -> None:
-        self.works, self._pads, self._count = works, list[tuple[int, str, str, bool]](), 0
+        self.works, self._pads, self._count = works, list[tuple[int, str, bool]](), 0
 
     def start(self) -> bool:
         return self.works
@@ -26,19 +27,24 @@ class FakePads(SdlPads):
     def open_new(self, known: Sequence[int]) -> list[Pad]:
         rest = dict.fromkeys(AXES, 0.0)
         return [
-            Pad(number, guid, name, named, dict(rest) if named else {})
-            for number, guid, name, named in self._pads
+            Pad(number, name, named, dict(rest) if named else {})
+            for number, name, named in self._pads
             if number not in known
         ]
 
-    def plug(self, guid: str = XBOX, name: str = "Pad", *, named: bool = True) -> int:
+    def plug(self, name: str = XBOX, *, named: bool = True) -> int:
         """Connect a pad; returns its instance."""
         self._count += 1
-        self._pads.append((self._count, guid, name, named))
+        self._pads.append((self._count, name, named))
         return self._count
 
     def unplug(self, instance: int) -> None:
         self._pads = [pad for pad in self._pads if pad[0] != instance]
+
+
+def connected(devices: InputDevices) -> dict[str, Pad]:
+    """The connected pads by slot."""
+    return {f"pad{slot}": pad for slot, pad in devices._pads.items()}
 
 
 def plugged_in() -> pygame.Event:

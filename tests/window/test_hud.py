@@ -5,21 +5,25 @@ import pygame
 import pytest
 
 from sonata2d.core.geometry import Pose
+from sonata2d.core.labels import LabelSpec
 from sonata2d.core.snapshot import Contact
 from sonata2d.view.camera import Camera
 from sonata2d.view.palette import FLOOR, GOAL, shaded
 from sonata2d.window import hud as hud_module, question_panel, widgets
-from sonata2d.window.camera import draw_tint
+from sonata2d.window.answer import FrameQuestion
+from sonata2d.window.collect_screen import _draw_tint
 from sonata2d.window.hud import Hud, draw_hud, free_area, zone_of
-from sonata2d.window.question_panel import FrameQuestion
 
 from ..view.conftest import pixels, scene as scene, snapshot_at
 
 ARROW = shaded(GOAL, 0.35)
 PLAIN = Hud()
+ENDS = LabelSpec("slider", question="How?", ends=("rough " * 9, "smooth"))
 FULL = Hud(
     run=12, runs=200, kept=11, contributor="Wilhelmina Featherstonehaugh-Cholmondeley", light="recording",
-    question=FrameQuestion("How does the robot drive? " * 3, ("poorly", "fairly well", "机器人", "x" * 30)),
+    question=FrameQuestion(
+        LabelSpec("classes", question="How does it drive? " * 4, classes=("poorly", "fairly well", "机器人", "x" * 30))
+    ),
     notice="The robot is near to a person who does not see it at all, please be careful",
     keys=(("W A S D", "drive"), ("Q E", "turn"), ("Space", "stop"), ("Esc", "pause"), ("Tab", "view"), ("F1", "help")),
 )  # fmt: skip
@@ -113,7 +117,7 @@ def test_characters_that_the_font_lacks_are_accepted(scene):
         label="\0",
         notice="\x1b[31m\u200b" * 3000,
         keys=(("\0", ""),),
-        question=FrameQuestion("\0"),
+        question=FrameQuestion(LabelSpec("slider", question="\0")),
     )
     shown(snapshot_at(scene), nasty)
 
@@ -134,11 +138,11 @@ def test_every_reading_changes_the_picture(scene):
 def test_a_tint_ranges_from_no_effect_to_its_colour():
     for alpha, expected in ((0, FLOOR), (255, (200, 30, 30))):
         surface = floor((64, 48))
-        draw_tint(surface, (200, 30, 30), alpha)
+        _draw_tint(surface, (200, 30, 30), alpha)
         assert np.abs(pixels(surface) - expected).max() <= 1
 
 
-@pytest.mark.parametrize("question", [None, FULL.question, FrameQuestion("How?", ends=("rough " * 9, "smooth"))])
+@pytest.mark.parametrize("question", [None, FULL.question, FrameQuestion(ENDS)])
 @pytest.mark.parametrize("size", [(1024, 640), (1280, 800), (2560, 1600)])
 def test_the_free_area_is_free_of_readings(scene, size, question):
     hud, scale = replace(FULL, question=question, notice=""), size[0] / 1280
@@ -156,7 +160,10 @@ def test_in_a_tiny_window_readings_lie_over_the_scene():
 
 def test_a_question_shows_its_answers_and_both_ends_in_full(scene, drawn):
     ends = ("I would not want to meet this robot again in a narrow corridor", "very pleasant")
-    shown(snapshot_at(scene), Hud(question=FrameQuestion("How pleasant is it?", ends=ends, position=0.23)))
+    shown(
+        snapshot_at(scene),
+        Hud(question=FrameQuestion(LabelSpec("slider", question="How pleasant is it?", ends=ends), 0.23)),
+    )
     words = [line.words for line in drawn]
     assert "How pleasant is it?" in words
     assert ends[1] in words

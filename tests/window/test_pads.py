@@ -13,7 +13,7 @@ from pygame._sdl2 import controller
 
 from sonata2d.window.actions import Action
 from sonata2d.window.input import InputDevices
-from sonata2d.window.profiles import Profiles
+from sonata2d.window.profiles import DEFAULT_PROFILES
 
 from . import fake_devices as p
 
@@ -72,13 +72,13 @@ def instances() -> list[int]:
     return [pygame.joystick.Joystick(k).get_instance_id() for k in range(pygame.joystick.get_count())]
 
 
-def test_a_pad_is_connected_read_disconnected_and_reconnected(pads: VirtualPads, tmp_path: Path) -> None:
-    devices = InputDevices(Profiles(tmp_path))
+def test_a_pad_is_connected_read_disconnected_and_reconnected(pads: VirtualPads) -> None:
+    devices = InputDevices(DEFAULT_PROFILES)
     pads.attach(_GAMEPAD)
     assert process(devices) == []
     assert p.polled(devices) == []
-    assert devices.pop_connected() == devices.devices()[-1].name != ""
-    assert devices.is_named("pad0")
+    assert devices.pop_connected() == p.connected(devices)["pad0"].name != ""
+    assert p.connected(devices)["pad0"].is_controller
     (pad,) = instances()
     pads.axis(pad, 1, -32768)
     pads.button(pad, _A, 1)
@@ -89,23 +89,23 @@ def test_a_pad_is_connected_read_disconnected_and_reconnected(pads: VirtualPads,
     process(devices)
     assert {(c, v) for _, c, v in p.polled(devices)} == {("left_y", 0.0), ("left_shoulder", 0.0)}
     assert devices.pop_disconnected() is not None
-    assert len(devices.devices()) == 2
+    assert p.connected(devices) == {}
     pads.attach(_GAMEPAD)
     process(devices)
-    assert [device.slot for device in devices.devices()[2:]] == ["pad0"]
+    assert list(p.connected(devices)) == ["pad0"]
     assert instances() != [pad]
     pads.detach(0)
     process(devices)
 
 
-def test_a_device_without_names_is_read_by_numbers(pads: VirtualPads, tmp_path: Path) -> None:
+def test_a_device_without_names_is_read_by_numbers(pads: VirtualPads) -> None:
     pads.attach(_GAMEPAD)
     pads.attach(_UNKNOWN)
-    devices = InputDevices(Profiles(tmp_path))
+    devices = InputDevices(DEFAULT_PROFILES)
     process(devices)
     assert p.polled(devices) == []
     _, stick = instances()
-    assert not devices.is_named("pad1")
+    assert not p.connected(devices)["pad1"].is_controller
     pads.axis(stick, 1, -16384)
     pads.button(stick, 0, 1)
     assert process(devices) == [Action.CONFIRM]

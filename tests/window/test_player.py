@@ -29,12 +29,11 @@ def test_it_plays_in_real_time_to_the_final_snapshot_and_stops(record: EpisodeRe
     assert (player.last, player.dt, player.length) == (TICKS, DT, pytest.approx(0.6))
     player.advance(0.25)
     assert (player.index, player.fraction) == (2, pytest.approx(2.5 / TICKS))
-    before, after, fraction = player.between
-    assert (before.tick, after.tick, fraction) == (2, 3, pytest.approx(0.5))
+    before, after = record.snapshot(2).robot.position, record.snapshot(3).robot.position
+    assert player.moment.robot.position == pytest.approx((np.array(before) + after) / 2)
     player.advance(10.0)
     assert (player.index, player.at_end, player.playing, player.fraction) == (TICKS, True, False, 1.0)
-    before, after, fraction = player.between
-    assert (before.tick, after.tick, fraction) == (TICKS, TICKS, 0.0)
+    assert player.moment.robot == record.snapshot(TICKS).robot
 
 
 def test_snapshots_are_those_of_the_file(record: EpisodeRecord) -> None:
@@ -67,7 +66,7 @@ def test_steps_move_by_snapshots_while_paused(record: EpisodeRecord) -> None:
     player.advance(1.0)
     assert player.index == 2
     player.step(1)
-    assert (player.index, player.between[2]) == (3, 0.0)
+    assert (player.index, player.time) == (3, pytest.approx(3 * DT))
     player.advance(0.1)
     player.step(-5)
     assert player.index == 0
@@ -88,7 +87,7 @@ def test_seeking_moves_to_a_snapshot_within_the_run(record: EpisodeRecord) -> No
     player = Player(record)
     for fraction, index in ((0.5, 3), (0.55, 3), (-1.0, 0), (2.0, TICKS)):
         player.seek(fraction)
-        assert (player.index, player.between[2]) == (index, 0.0)
+        assert (player.index, player.time) == (index, pytest.approx(index * DT))
 
 
 def test_play_at_the_end_starts_again(record: EpisodeRecord) -> None:

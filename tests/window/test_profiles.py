@@ -1,83 +1,133 @@
-"""Profiles and choices persist between sessions, and damaged files are set aside."""
+"""Controls: the defaults, the file in which a user changes them, and what the window shows of them."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
 
-from sonata2d.agents.controllers.teleoperation import DeviceMapping
+from sonata2d.agents.controllers.teleoperation import DEFAULT_MAPPINGS, DeviceMapping
+from sonata2d.errors import ConfigError
 from sonata2d.window.actions import Action
-from sonata2d.window.profiles import FOLDER_VARIABLE, Profile, Profiles, config_folder
+from sonata2d.window.key_texts import help_rows, keys_of
+from sonata2d.window.profiles import (
+    DEFAULT_PROFILES,
+    FOLDER_VARIABLE,
+    controls_file,
+    read_profiles,
+    write_default_controls,
+)
 
-MINE = Profile(DeviceMapping({"axis4": ("ahead", -0.5)}, 0.2, 0.7), {"button9": Action.UNDO, "-axis1": Action.LABEL_3})
-
-
-def test_profiles_read_back_as_they_were_saved(tmp_path: Path) -> None:
-    profiles = Profiles(tmp_path / "new" / "folder")
-    profiles.put("guid", MINE)
-    assert profiles.save()
-    again = Profiles(tmp_path / "new" / "folder")
-    assert again.of("guid") == MINE
-    assert again.of("keyboard") == Profile.default("keyboard")
+NOBODY: frozenset[Action] = frozenset()
 
 
-def test_a_file_of_version_0_1_0_is_read(tmp_path: Path) -> None:
-    (tmp_path / "devices.json").write_text(
-        '{"devices": {"guid": {"actions": {"-axis1": "label_3", "button9": "undo"},'
-        ' "hand": {"controls": {"axis4": ["ahead", -0.5]}, "curve": 0.7, "dead_zone": 0.2}}}}'
-    )
-    profiles = Profiles(tmp_path)
-    assert (profiles.of("guid"), profiles.notice) == (MINE, "")
+@pytest.fixture
+def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "new"))
+    (tmp_path / "new").mkdir()
+    return controls_file()
 
 
-def test_saving_replaces_the_file_and_leaves_no_other(tmp_path: Path) -> None:
-    for _ in range(2):
-        Profiles(tmp_path).save()
-    assert [path.name for path in tmp_path.iterdir()] == ["devices.json"]
+def test_the_defaults_read_back_as_they_were_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "new" / "folder"))
+    assert read_profiles() == DEFAULT_PROFILES
+    assert write_default_controls() == controls_file() == tmp_path / "new" / "folder" / "controls.toml"
+    assert read_profiles() == DEFAULT_PROFILES
 
 
-UNKNOWN_AXIS = {
-    "devices": {"guid": {"hand": {"controls": {"a": ["fly", 1]}, "dead_zone": 0, "curve": 0}, "actions": {}}}
-}
+def test_the_default_file_drives_as_recorded_runs_without_mappings_do() -> None:
+    assert {device: profile.mapping for device, profile in DEFAULT_PROFILES.items()} == DEFAULT_MAPPINGS
+    for device, profile in DEFAULT_PROFILES.items():
+        assert list(profile.mapping.controls) == list(DEFAULT_MAPPINGS[device].controls), "files keep this order"
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"", b"{", b"\xff\xfe\x00", b"[1, 2]", b'{"devices": 3}', b'{"devices": {"guid": 3}}',
-        b'{"devices": {"guid": {"hand": {}, "actions": {}}}}', json.dumps(UNKNOWN_AXIS).encode(),
-        b'{"devices": {"guid": {"hand": {"controls": {}, "dead_zone": "x", "curve": 0}, "actions": {}}}}',
-        b'{"devices": {"guid": {"hand": {"controls": {}, "dead_zone": 0, "curve": 0}, "actions": {"a": "dance"}}}}',
-        b"[" * 100_000,
-    ],
-)  # fmt: skip
-def test_a_damaged_file_is_set_aside_and_gives_defaults(
-    content: bytes, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    (tmp_path / "devices.json").write_bytes(content)
-    profiles = Profiles(tmp_path)
-    assert profiles.of("guid") == Profile.default("guid")
-    assert (tmp_path / "devices.json.damaged").read_bytes() == content
-    assert "devices.json" in caplog.text
-    assert profiles.save()
-    assert profiles.notice == ""
-
-
-def test_a_folder_that_cannot_be_written_gives_a_notice(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("in the way")
-    profiles = Profiles(tmp_path / "file" / "folder")
-    assert not profiles.save()
-    assert "cannot be written" in profiles.notice
-    assert FOLDER_VARIABLE in profiles.notice
-
-
-def test_a_variable_names_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
-    assert config_folder() == tmp_path
+def test_a_file_of_the_user_is_not_replaced(file: Path) -> None:
+    file.write_text("# mine")
+    with pytest.raises(ConfigError, match=r"controls\.toml exists; edit it, or delete it first"):
+        write_default_controls()
+    assert file.read_text() == "# mine"
 
 
 def test_the_users_own_folder_is_the_default(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(FOLDER_VARIABLE, raising=False)
-    assert config_folder().name == "sonata2d"
+    assert (controls_file().name, controls_file().parent.name) == ("controls.toml", "sonata2d")
+
+
+def test_a_table_replaces_the_default_one_and_others_stay(file: Path) -> None:
+    file.write_text(
+        """
+        [keyboard.drive]
+        i = "ahead"
+        "page up" = "turn_left"
+        [pad]
+        dead_zone = 0.25
+        [pads."Flight Stick"]
+        curve = 0.5
+        [pads."Flight Stick".drive]
+        axis1 = "back"
+        [pads."Flight Stick".actions]
+        button9 = "undo"
+        "-axis4" = "label_3"
+        """
+        '[keyboard.actions]\n"ctrl+k" = "pause"\n'
+    )
+    profiles = read_profiles()
+    assert profiles["keyboard"].mapping == DeviceMapping({"i": ("ahead", 1.0), "page up": ("turn", 1.0)})
+    assert profiles["keyboard"].actions == {"escape": Action.MENU, "ctrl+k": Action.PAUSE}
+    assert profiles["mouse"] == DEFAULT_PROFILES["mouse"]
+    default = DEFAULT_PROFILES["pad"]
+    assert profiles["pad"].mapping == DeviceMapping(default.mapping.controls, 0.25, default.mapping.curve)
+    assert profiles["pad"].actions == default.actions
+    stick = profiles["pads.Flight Stick"]
+    assert stick.mapping == DeviceMapping({"axis1": ("ahead", -1.0)}, 0.25, 0.5)
+    assert stick.actions == {"button9": Action.UNDO, "-axis4": Action.LABEL_3}
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        ("[keyboard", "Expected ']'"),
+        ("x = 3", "unknown key 'x'; keys are keyboard, mouse, pad, pads"),
+        ("[keybord.drive]", "unknown key 'keybord'; did you mean 'keyboard'?"),
+        ("[pad]\ndead_zone = 2", r"pad\.dead_zone: Input should be less than or equal to 1 \(got 2\)"),
+        ('[keyboard.drive]\nw = "ahed"', r"keyboard\.drive\.w: .* \(got 'ahed'\); did you mean 'ahead'\?"),
+        ('[keyboard.drive]\nuparrow = "ahead"', r"keyboard\.drive\.uparrow: no key has this name"),
+        ('[keyboard.drive]\nW = "ahead"', r"keyboard\.drive\.W: no key has this name"),
+        ('[keyboard.actions]\nescape = "quit"', "this key has a fixed use"),
+        ('[mouse.actions]\nwheelup = "redo"', "no such control; did you mean 'wheel_up'"),
+        ('[pad.actions]\n"-left_z" = "redo"', "no such control; did you mean 'left_y'"),
+        ('[pad.actions]\na = "unddo"', r"pad\.actions\.a: Input should be 'confirm', .* \(got 'unddo'\)"),
+        ('[pads.Stick.drive]\nbutton = "brake"', r"pads\.Stick\.drive\.button: there is no such control"),
+        ('[keyboard.drive]\nn = "ahead"', r"keyboard: 'n' drives \(ahead\) and requests 'next'; list it in one"),
+        ("[[pads]]", "pads"),
+    ],
+)
+def test_a_wrong_file_is_refused_with_file_key_and_remedy(content: str, problem: str, file: Path) -> None:
+    file.write_text(content)
+    with pytest.raises(ConfigError, match=problem) as error:
+        read_profiles()
+    assert str(error.value).startswith(f"{file}: ")
+    assert str(error.value).endswith("(correct the file, or delete it to use the default controls)")
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"a = " + b"[" * 100_000])
+def test_a_damaged_file_is_an_error(content: bytes, file: Path) -> None:
+    file.write_bytes(content)
+    with pytest.raises(ConfigError, match=r"controls\.toml"):
+        read_profiles()
+
+
+def test_the_window_names_changed_controls_as_the_file_does(file: Path) -> None:
+    defaults = help_rows(DEFAULT_PROFILES, NOBODY)
+    assert {("P, pad Start", "pause"), ("Space", "brake"), ("W S or up, down", "drive ahead, back")} <= {*defaults}
+    file.write_text('[keyboard.drive]\ni = "ahead"\nk = "back"\n[pad.actions]\nguide = "pause"\n')
+    profiles = read_profiles()
+    changed = {("i, k", "drive ahead, back"), ("–", "turn"), ("–", "brake"), ("p, pad guide", "pause")}
+    assert changed | {("Z", "personal space"), ("Left stick", "drive and turn")} <= {*help_rows(profiles, NOBODY)}
+    assert keys_of("driving", profiles, NOBODY)[:3] == (("i, k", "drive"), ("Enter", "end the run"), ("P", "pause"))
+
+
+def test_hidden_actions_have_no_row() -> None:
+    hidden = frozenset({Action.SCENE})
+    assert len(help_rows(DEFAULT_PROFILES, hidden)) == len(help_rows(DEFAULT_PROFILES, NOBODY)) - 1
+    assert ("G", "scene") not in keys_of("waiting", DEFAULT_PROFILES, hidden)

@@ -42,7 +42,7 @@ def test_every_size_and_state_is_drawn(driver: Callable[..., Driver]) -> None:
 def test_texts_and_widgets_have_the_scale_of_the_window(size: tuple[int, int], driver: Callable[..., Driver]) -> None:
     person = driver(size=size)
     person.press(pygame.K_ESCAPE)
-    card, button = person.collect.card, person.buttons["Continue"]
+    card, button = person.collect.overlay.card, person.buttons["Continue"]
     assert card is not None
     scale = size[0] / 1280
     assert person.stage.ui.get_theme().get_font(["button"]).get_point_size() == pytest.approx(20 * scale, abs=1.1)
@@ -67,7 +67,7 @@ def test_the_help_does_not_cover_the_legend_in_any_language(
     choose_language(language)
     person = driver(size=size, humans=[6, 6], room={"kinds": "square", "side": 9}, relations=[2, 2])
     person.press(pygame.K_F1, pygame.K_z)
-    card, session = person.collect.card, person.session
+    card, session = person.collect.overlay.card, person.session
     assert card is not None
     assert not card.box.colliderect(legend_box(size, session.after, zones=True, scale=person.stage.scale))
     person.press(pygame.K_F1)
@@ -79,7 +79,7 @@ def test_the_help_does_not_cover_the_legend_in_any_language(
     assert isinstance(view, ViewScreen)
     assert view.card is not None
     picture = size[0], view.picture.height
-    legend = legend_box(picture, view.exporter.moment, zones=True, paths=True, scale=viewer.stage.scale)
+    legend = legend_box(picture, view.player.moment, zones=True, paths=True, scale=viewer.stage.scale)
     assert not view.card.box.colliderect(legend)
 
 
@@ -94,7 +94,7 @@ def test_the_help_shows_keys_and_meanings_in_full(
     drawn.clear()
     person.wait()
     assert [words for words, _ in drawn if words.endswith("…")] == []
-    card = person.collect.card
+    card = person.collect.overlay.card
     assert card is not None
     assert person.stage.surface.get_rect().contains(card.box)
     person.press(pygame.K_F1)

@@ -18,6 +18,7 @@ from sonata2d.view.legend import TEXTS
 FOLDER = Path(window.__file__).parent
 MODULES = sorted(path for path in FOLDER.glob("*.py") if path.name not in ("texts.py", "profiles.py"))
 ENGLISH = texts.table("en")
+PAGES = [path for path in FOLDER.parent.glob("web/**/*") if path.suffix in (".py", ".js", ".html")]
 NAMED_IN = ("core/labels.py", "core/proxemics.py", "view/legend.py")
 NAMES_OF = [FOLDER.parent / path for path in NAMED_IN]  # values of keys, beside the window
 SECTION = re.compile(r"[a-z]+\.")  # at the start of a key
@@ -89,8 +90,8 @@ def test_every_text_that_a_screen_names_exists_and_every_text_is_used() -> None:
     names = {word for word in constants(trees + [parsed(path) for path in NAMES_OF]) if re.fullmatch(r"\w+", word)}
     patterns, written = composed(trees, names), constants(trees)
     unused = [key for key in ENGLISH if key not in written and not any(p.fullmatch(key) for p in patterns)]
-    of_pages = ("web.", "researcher.")  # tests/web/test_words.py
-    assert [key for key in unused if not key.startswith(of_pages)] == []
+    of_pages = "\n".join(path.read_text(encoding="utf-8") for path in PAGES)
+    assert [key for key in unused if f'"{key}"' not in of_pages] == []
 
 
 def test_a_text_without_use_is_found() -> None:

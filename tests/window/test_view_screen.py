@@ -10,7 +10,7 @@ import pytest
 import sonata2d as s2
 from sonata2d.errors import RecordError
 from sonata2d.record.recorder import JsonRecorder
-from sonata2d.window.playback import frame_label, frame_summary, run_summary
+from sonata2d.window.run_texts import frame_label, frame_summary, run_summary
 from sonata2d.window.view_screen import ViewScreen
 
 from ..record.samples import run
@@ -108,8 +108,8 @@ def test_speed_camera_and_layers_are_kept_for_the_next_file(paths: list[Path]) -
     viewer.press(pygame.K_PLUS, pygame.K_v, pygame.K_z, pygame.K_t, pygame.K_n)
     view = viewer.view
     assert viewer.file == "run-1.json"
-    assert (view.player.speed, view.exporter.view) == (2.0, "follow")
-    assert (view.exporter.zones, view.exporter.trails) == (True, True)
+    assert (view.player.speed, view.camera.view) == (2.0, "follow")
+    assert (view.camera.zones, view.shows_trails) == (True, True)
     viewer.frames(3)
 
 

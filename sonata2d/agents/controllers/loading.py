@@ -96,7 +96,7 @@ def _policy_class(path: Path) -> Any:
 
 
 def _is_perceptron(path: Path) -> bool:
-    """Whether a file of weights is that of a multilayer perceptron; False for one that cannot be read."""
+    """Whether a file holds the weights of a multilayer perceptron; False if it cannot be read."""
     try:
         header = read_npz(path.read_bytes(), MAX_WEIGHTS_BYTES, ["about"])["about"]
         return bool(json.loads(str(header))["kind"] == "mlp")
@@ -105,7 +105,7 @@ def _is_perceptron(path: Path) -> bool:
 
 
 class ControllerSource:
-    """What the processes of a batch create a controller from.
+    """Recipe from which each process of a batch creates the controller.
 
     Args:
         given: a name as for `load_controller`, a class derived from `Controller`, or an object of one.
@@ -165,7 +165,7 @@ class ControllerSource:
         return name
 
     def __getstate__(self) -> dict[str, Any]:
-        """What other processes get; classes of a notebook or script, and files, are sent with their content."""
+        """State for other processes; classes of a notebook or script, and files, are sent with their content."""
         if not self._pickled:
             try:
                 self._pickled = cloudpickle.dumps(self._given)
@@ -240,7 +240,7 @@ def _is_own_module(module: str) -> bool:
 
 
 def named_controllers() -> dict[str, type[Controller]]:
-    """The built-in controller classes and those of installed plug-ins, by name."""
+    """The controller classes, built in and of installed plug-ins, by name."""
     return CONTROLLERS.load_all(_problem)
 
 

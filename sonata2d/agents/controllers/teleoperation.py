@@ -26,7 +26,7 @@ STICKS = (("left_x", "left_y"), ("right_x", "right_y"), ("axis0", "axis1"), ("ax
 
 @dataclass(frozen=True, slots=True)
 class DeviceMapping:
-    """How the controls of one kind of device drive the robot.
+    """Mapping of the controls of one kind of device to the axes of the robot.
 
     Numbers are rounded to the precision of files, so that a run replays from its own file.
 
@@ -152,7 +152,7 @@ class Teleoperation(Controller):
 
     @property
     def mappings(self) -> Mapping[str, DeviceMapping]:
-        """How each kind of device is read."""
+        """The mapping of each kind of device."""
         return self._mappings
 
     @property

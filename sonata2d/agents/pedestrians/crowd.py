@@ -65,20 +65,20 @@ from .wayfinding import Wayfinding
 MAXIMUM_SPEED_RATIO = 1.3  # maximum speed over desired speed (Helbing & Molnár 1995)
 STANDING_SPEED, STANDING_TIME = 0.05, 1.0  # m/s and s: a robot that is slower for so long counts as an obstacle
 
-# Steps of `plan`, and what it waits for when it returns.
+# Steps of `decide`, and its answers: the decision that it needs, or that it is complete.
 _FOLLOW, _TARGET, _TURN = range(3)
-_NEEDS_DESTINATION, _NEEDS_PATHS, _NEEDS_DRAWS, _IS_PLANNED = range(4)
+_NEEDS_DESTINATION, _NEEDS_PATHS, _NEEDS_DRAWS, _IS_DECIDED = range(4)
 
 
-class Surroundings(NamedTuple):
-    """What surrounds the pedestrians, for kernels.
+class Obstacles(NamedTuple):
+    """Obstacles of the pedestrians, for kernels.
 
     Attributes:
         barriers: rows of `Barriers.table`: walls and furniture.
         view_blocks: rows of the walls that can block a view between two places in the room.
         solids: barriers, and pedestrians that stand.
-        obstacles: solids, and the spaces inside groups that talk.
-        solid_clearance, obstacle_clearance: of paths, m.
+        solids_and_groups: solids, and the spaces inside groups that talk.
+        solid_clearance, path_clearance: of paths from solids, and from solids and groups, m.
         side: to which pedestrians evade each other: 1 to the right, -1 to the left.
         dt: tick, s.
     """
@@ -86,18 +86,18 @@ class Surroundings(NamedTuple):
     barriers: Floats2
     view_blocks: Floats2
     solids: Floats2
-    obstacles: Floats2
+    solids_and_groups: Floats2
     solid_clearance: float
-    obstacle_clearance: float
+    path_clearance: float
     side: float
     dt: float
 
 
-class Plan(NamedTuple):
-    """What pedestrians do in a tick, for kernels.
+class Intentions(NamedTuple):
+    """Intentions of the pedestrians in a tick, for kernels.
 
     Attributes:
-        preferred_speed: (N,), m/s; walking groups have that of their slowest member.
+        preferred_speed: (N,), m/s; walking groups have the speed of their slowest member.
         robot_in_sight: (N,) of bool.
         standing_position: (N, 2), m, to which standing pedestrians return if they are pushed.
         facing, gaze: (N, 2), unit vectors of the desired headings and gazes.
@@ -118,24 +118,24 @@ class Plan(NamedTuple):
     twist_rate: Floats
 
 
-class People(NamedTuple):
-    """All that kernels know about the pedestrians."""
+class CrowdState(NamedTuple):
+    """State of a crowd, for kernels."""
 
-    surroundings: Surroundings
+    obstacles: Obstacles
     routes: Routes
     passages: Passages
     social: SocialArrays
     reactions: Reactions
     glances: Glances
-    plan: Plan
+    intentions: Intentions
     walkers: Walkers
 
 
 class Crowd:
     """All pedestrians of a scene: one pedestrian model, wayfinding, social behaviour, reactions and orientation.
 
-    A tick is four calls of compiled code: `observe` (neighbours), `plan` (targets, reactions to the robot,
-    orientation), the pedestrian model, and `total_acceleration`. Where `plan` comes upon a decision, it returns to
+    A tick is four calls of compiled code: `observe` (neighbours), `decide` (targets, reactions to the robot,
+    orientation), the pedestrian model, and `total_acceleration`. Where `decide` comes upon a decision, it returns to
     ordinary Python, and is called again.
 
     Args:
@@ -162,8 +162,8 @@ class Crowd:
         self._barriers = scene.barriers.table
         self._view_blocks = Barriers.of(_blocking_walls(scene)).table
         self._side, self._dt = float(scene.rules.side), scene.rules.dt
-        self._surroundings = self._look_around()
-        self._plan = Plan(
+        self._obstacles = self._pack_obstacles()
+        self._intentions = Intentions(
             preferred_speed=_group_speeds(scene),
             robot_in_sight=np.ones(count, dtype=bool),
             standing_position=self._social.standing_position.copy(),
@@ -180,7 +180,7 @@ class Crowd:
         self._interval = self._dt / self._evaluations
         self._robot_position: Point = scene.robot.pose.position
         self._robot_radius, self._robot_rests, self._robot_is_obstacle = scene.robot.radius, 0, False
-        self._people = Packed(self._gather())
+        self._state = Packed(self._gather_state())
 
     def act(self, snapshot: Snapshot) -> CrowdCommands:
         """The commands of all pedestrians for the next tick.
@@ -197,14 +197,14 @@ class Crowd:
         self._social_dynamics.update(tick, humans[:, X : Y + 1], self._walkers)
         self._watch_robot(robot)
         wayfinding.begin_tick(tick, humans, self._is_present)
-        if self._surroundings.obstacles is not wayfinding.space.barriers.table:
-            self._surroundings = self._look_around()
-        self._run_plan(tick, robot, humans)
+        if self._obstacles.solids_and_groups is not wayfinding.space.barriers.table:
+            self._obstacles = self._pack_obstacles()
+        self._decide(tick, robot, humans)
         self._robot_position = as_point(robot)
         return CrowdCommands(
             acceleration=self._acceleration(),
-            facing=self._plan.facing,
-            gaze=self._plan.gaze,
+            facing=self._intentions.facing,
+            gaze=self._intentions.gaze,
             activity=social.activity,
             interactions=social.interactions,
             refresh=self._refresh if self._evaluations > 1 else None,
@@ -214,8 +214,8 @@ class Crowd:
         )
 
     def turn_shoulders_like(self, other: Crowd) -> None:
-        """Assume that the shoulders are turned already as those of another crowd of the same people should be."""
-        self._plan.wanted_twist[:] = self._plan.twist[:] = other._plan.wanted_twist
+        """Copy the shoulder twist from another crowd of the same people, as it is wanted there."""
+        self._intentions.wanted_twist[:] = self._intentions.twist[:] = other._intentions.wanted_twist
 
     def _watch_robot(self, robot: Array) -> None:
         """Let paths lead round a robot that stands, as round a piece of furniture, whether it is ignored or not."""
@@ -231,7 +231,7 @@ class Crowd:
         """Fill the neighbour lists; make them longer if necessary."""
         while True:
             self._repack()
-            total = observe(self._people.argument, humans, self._is_present)
+            total = observe(self._state.argument, humans, self._is_present)
             if total <= len(self._walkers.neighbour):
                 return
             length = 2 * max(total, 8 * len(humans))
@@ -239,15 +239,15 @@ class Crowd:
                 neighbour=np.zeros(length, dtype=np.int64), attention=np.zeros(length)
             )
 
-    def _run_plan(self, tick: int, robot: Array, humans: Array) -> None:
-        """Run `plan` to its end; make the decisions that it asks for."""
+    def _decide(self, tick: int, robot: Array, humans: Array) -> None:
+        """Run `decide` to its end; make the decisions that it asks for."""
         wayfinding, step, first = self._wayfinding, _FOLLOW, 0
         while True:
             self._repack()
-            need, item = plan(
-                self._people.argument, step, first, tick, robot, humans, self._is_present, self._model.headed
+            need, item = decide(
+                self._state.argument, step, first, tick, robot, humans, self._is_present, self._model.headed
             )
-            if need == _IS_PLANNED:
+            if need == _IS_DECIDED:
                 return
             if need == _NEEDS_DESTINATION:
                 k = int(wayfinding.routes.order[item])
@@ -272,8 +272,8 @@ class Crowd:
         """(N, 2), m/s^2: by the model for walking pedestrians, back to their positions for standing ones."""
         walking = checked_acceleration(self._model, self._walkers)
         x, y = self._robot_position
-        total_acceleration(self._people.argument, walking, x, y, self._interval)
-        return self._plan.acceleration
+        total_acceleration(self._state.argument, walking, x, y, self._interval)
+        return self._intentions.acceleration
 
     def _set_presence(self, is_present: BoolArray | None) -> None:
         """Update what depends on which pedestrians are present."""
@@ -286,31 +286,31 @@ class Crowd:
         self._social.set_presence(is_present)
 
     def _repack(self) -> None:
-        """Pack the people anew if one of their parts is another object now."""
-        people, routes, social = self._people.value, self._wayfinding.routes, self._social.arrays
+        """Pack the state anew if one of its parts is another object now."""
+        state, routes, social = self._state.value, self._wayfinding.routes, self._social.arrays
         if (
-            people.routes is not routes
-            or people.social is not social
-            or people.walkers is not self._walkers
-            or people.surroundings is not self._surroundings
+            state.routes is not routes
+            or state.social is not social
+            or state.walkers is not self._walkers
+            or state.obstacles is not self._obstacles
         ):
-            self._people = Packed(self._gather())
+            self._state = Packed(self._gather_state())
 
-    def _gather(self) -> People:
-        return People(
-            self._surroundings,
+    def _gather_state(self) -> CrowdState:
+        return CrowdState(
+            self._obstacles,
             self._wayfinding.routes,
             self._passages,
             self._social.arrays,
             self._reactions,
             self._glances,
-            self._plan,
+            self._intentions,
             self._walkers,
         )
 
-    def _look_around(self) -> Surroundings:
+    def _pack_obstacles(self) -> Obstacles:
         space, passable = self._wayfinding.space, self._wayfinding.passable
-        return Surroundings(
+        return Obstacles(
             self._barriers,
             self._view_blocks,
             passable.barriers.table,
@@ -323,31 +323,31 @@ class Crowd:
 
 
 @kernel
-def observe(packed_people: Any, humans: Array, is_present: BoolArray) -> int:
+def observe(packed_state: Any, humans: Array, is_present: BoolArray) -> int:
     """Find the neighbours of all pedestrians at the beginning of a tick.
 
     Args:
-        packed_people: packed `People`; the state and the neighbour lists of `walkers` are filled.
+        packed_state: packed `CrowdState`; the state and the neighbour lists of `walkers` are filled.
         humans: columns of `core.humans`, one row for each pedestrian of the scene.
         is_present: (N,), pedestrians that are in the room.
 
     Returns:
         Number of neighbours, see `find_neighbours`.
     """
-    people = unpack(packed_people, People)
-    walkers = people.walkers
+    state = unpack(packed_state, CrowdState)
+    walkers = state.walkers
     for k in range(len(humans)):
         walkers.position[k, 0], walkers.position[k, 1] = humans[k, X], humans[k, Y]
         walkers.velocity[k, 0], walkers.velocity[k, 1] = humans[k, VX], humans[k, VY]
-        c, s = rotation(-people.plan.twist[k])
+        c, s = rotation(-state.intentions.twist[k])
         walkers.body_direction[k, 0] = humans[k, BODY_X] * c - humans[k, BODY_Y] * s
         walkers.body_direction[k, 1] = humans[k, BODY_X] * s + humans[k, BODY_Y] * c
-    return find_neighbours(walkers, is_present, people.surroundings.view_blocks)
+    return find_neighbours(walkers, is_present, state.obstacles.view_blocks)
 
 
 @kernel
-def plan(
-    packed_people: Any,
+def decide(
+    packed_state: Any,
     step: int,
     first: int,
     tick: int,
@@ -359,7 +359,7 @@ def plan(
     """Decide what all pedestrians do in a tick, or go on where the last call stopped for a decision.
 
     Args:
-        packed_people: packed `People`; `plan` and `walkers` are filled, routes, reactions and glances are updated.
+        packed_state: packed `CrowdState`; intentions and walkers are filled; routes, reactions and glances are updated.
         step: where to begin, `_FOLLOW` in a new tick.
         first: item of `Routes.order` to begin with.
         tick: that begins.
@@ -370,39 +370,37 @@ def plan(
     Returns:
         What is needed, one of the constants above; and the item of `Routes.order` that needs a destination.
     """
-    people = unpack(packed_people, People)
-    around, routes, social, reactions = people.surroundings, people.routes, people.social, people.reactions
-    glances, result, walkers = people.glances, people.plan, people.walkers
+    state = unpack(packed_state, CrowdState)
+    obstacles, routes, social = state.obstacles, state.routes, state.social
     if step == _FOLLOW:
-        item = next_without_destination(routes, first, tick, humans, is_present, social.is_walking, around.barriers)
+        item = next_without_destination(routes, first, tick, humans, is_present, social.is_walking, obstacles.barriers)
         if item < len(routes.order):
             return _NEEDS_DESTINATION, item
         if advance_on_paths(
-            routes, tick, humans, is_present, around.solids, around.obstacles, around.obstacle_clearance,
-            around.solid_clearance,
+            routes, tick, humans, is_present, obstacles.solids, obstacles.solids_and_groups, obstacles.path_clearance,
+            obstacles.solid_clearance,
         ):  # fmt: skip
             return _NEEDS_PATHS, 0
     if step <= _TARGET:
         set_targets(routes, humans, is_present)
-        _set_desires(walkers, routes, social, result, humans, is_present)
-        give_way(people.passages, routes, walkers, humans, is_present, around.side, around.dt)
+        _set_desires(state, humans, is_present)
+        give_way(state.passages, routes, state.walkers, humans, is_present, obstacles.side, obstacles.dt)
         for k in range(len(humans)):
-            result.robot_in_sight[k] = is_present[k] and not is_hidden(
-                humans[k, X], humans[k, Y], robot[X], robot[Y], around.view_blocks
+            state.intentions.robot_in_sight[k] = is_present[k] and not is_hidden(
+                humans[k, X], humans[k, Y], robot[X], robot[Y], obstacles.view_blocks
             )
-        _react(walkers, social, reactions, result, robot, humans, is_present, around)
+        _react(state, robot, humans, is_present)
     for k in range(len(humans)):
-        if not has_draws(glances, k) and (social.partner_count[k] > 0 or reactions.notices[k]):
+        if not has_draws(state.glances, k) and (social.partner_count[k] > 0 or state.reactions.notices[k]):
             return _NEEDS_DRAWS, 0
-    _orient(walkers, routes, social, reactions, glances, result, tick, humans, is_present, around, is_headed)
-    return _IS_PLANNED, 0
+    _orient(state, tick, humans, is_present, is_headed)
+    return _IS_DECIDED, 0
 
 
 @subroutine
-def _set_desires(
-    walkers: Walkers, routes: Routes, social: SocialArrays, result: Plan, humans: Array, is_present: BoolArray
-) -> None:
+def _set_desires(state: CrowdState, humans: Array, is_present: BoolArray) -> None:
     """Set where the pedestrians want to walk, as far as it does not depend on the robot."""
+    walkers, routes, social, intentions = state.walkers, state.routes, state.social, state.intentions
     for k in range(len(humans)):
         walkers.walks[k] = social.is_walking[k] and is_present[k]
         dx, dy = routes.target[k, 0] - humans[k, X], routes.target[k, 1] - humans[k, Y]
@@ -410,7 +408,7 @@ def _set_desires(
         if social.is_walking[k]:
             ux, uy = unit_or(dx, dy, 1e-3, humans[k, BODY_X], humans[k, BODY_Y])
         walkers.desired_direction[k, 0], walkers.desired_direction[k, 1] = ux, uy
-        speed = min(result.preferred_speed[k], corner_speed(routes, k, humans[k, X], humans[k, Y]))
+        speed = min(intentions.preferred_speed[k], corner_speed(routes, k, humans[k, X], humans[k, Y]))
         if routes.is_final[k]:
             speed = min(speed, stopping_speed(length(dx, dy)))
         walkers.desired_speed[k] = speed
@@ -418,25 +416,24 @@ def _set_desires(
 
 
 @subroutine
-def _react(
-    walkers: Walkers, social: SocialArrays, reactions: Reactions, result: Plan, robot: Array, humans: Array,
-    is_present: BoolArray, around: Surroundings,
-) -> None:  # fmt: skip
+def _react(state: CrowdState, robot: Array, humans: Array, is_present: BoolArray) -> None:
     """Adjust desired directions and speeds, and the positions of standing pedestrians, to the robot."""
+    walkers, social, reactions = state.walkers, state.social, state.reactions
+    intentions, obstacles = state.intentions, state.obstacles
     any_notices, any_changed = False, False
     for k in range(len(humans)):
         reactions.notices[k] = False
-        if is_present[k] and notice_robot(reactions, k, robot, humans, result.robot_in_sight[k], around.dt):
+        if is_present[k] and notice_robot(reactions, k, robot, humans, intentions.robot_in_sight[k], obstacles.dt):
             any_notices = True
     direction, speed = walkers.desired_direction, walkers.desired_speed
     for k in range(len(humans)):
         if not is_present[k]:
             continue
         if not any_notices:
-            reactions.delay[k] = max(reactions.delay[k] - 0.5 * around.dt, 0.0)
+            reactions.delay[k] = max(reactions.delay[k] - 0.5 * obstacles.dt, 0.0)
         elif adjust_course(
             reactions, k, robot, humans, walkers.radius[k], direction[k, 0] * speed[k], direction[k, 1] * speed[k],
-            speed[k], social.is_walking[k], around.barriers, around.side, around.dt,
+            speed[k], social.is_walking[k], obstacles.barriers, obstacles.side, obstacles.dt,
         ):  # fmt: skip
             any_changed = True
     for k in range(len(humans)):
@@ -445,22 +442,20 @@ def _react(
                 reactions, k, direction[k, 0] * speed[k], direction[k, 1] * speed[k], direction[k, 0], direction[k, 1]
             )
         x, y = social.standing_position[k, 0], social.standing_position[k, 1]
-        result.standing_position[k, 0], result.standing_position[k, 1] = step_back(
-            reactions, k, robot, x, y, walkers.radius[k], around.barriers
+        intentions.standing_position[k, 0], intentions.standing_position[k, 1] = step_back(
+            reactions, k, robot, x, y, walkers.radius[k], obstacles.barriers
         )
 
 
 @subroutine
-def _orient(
-    walkers: Walkers, routes: Routes, social: SocialArrays, reactions: Reactions, glances: Glances, result: Plan,
-    tick: int, humans: Array, is_present: BoolArray, around: Surroundings, is_headed: bool,
-) -> None:  # fmt: skip
+def _orient(state: CrowdState, tick: int, humans: Array, is_present: BoolArray, is_headed: bool) -> None:
     """Choose the desired directions of bodies and heads."""
-    dt = around.dt
+    walkers, routes, social, reactions = state.walkers, state.routes, state.social, state.reactions
+    intentions, obstacles, dt = state.intentions, state.obstacles, state.obstacles.dt
     for k in range(len(humans)):
         if not is_present[k]:
-            result.facing[k, 0] = result.gaze[k, 0] = 1.0
-            result.facing[k, 1] = result.gaze[k, 1] = 0.0
+            intentions.facing[k, 0] = intentions.gaze[k, 0] = 1.0
+            intentions.facing[k, 1] = intentions.gaze[k, 1] = 0.0
             continue
         ux, uy, speed = walkers.desired_direction[k, 0], walkers.desired_direction[k, 1], walkers.desired_speed[k]
         # A slow walker turns to where its model steers.
@@ -468,54 +463,55 @@ def _orient(
         pace = length(humans[k, VX], humans[k, VY])
         if pace > IDLE_SPEED or ux * to_x + uy * to_y <= 0.0:
             to_x, to_y = ux, uy
-        facing_x, facing_y = facing(k, humans, social, to_x * speed, to_y * speed, reactions, around.side)
+        facing_x, facing_y = facing(k, humans, social, to_x * speed, to_y * speed, reactions, obstacles.side)
         if is_headed and social.is_walking[k]:  # motion follows the body, so the body turns to the desired direction
             facing_x, facing_y = ux, uy
         twist = 0.0
         if social.is_walking[k]:
-            twist = wanted_twist(walkers, k, around.barriers, result.wanted_twist[k], around.side)
+            twist = wanted_twist(walkers, k, obstacles.barriers, intentions.wanted_twist[k], obstacles.side)
         # The body turns by the dynamics of `critically_damped`, and so does the twist, which is a part of this turn.
         rate, limit = turn_limits(pace)
-        change, result.twist_rate[k] = critically_damped(twist - result.twist[k], result.twist_rate[k], rate, limit, dt)
-        result.wanted_twist[k], result.twist[k] = twist, result.twist[k] + change
+        lag = twist - intentions.twist[k]
+        change, intentions.twist_rate[k] = critically_damped(lag, intentions.twist_rate[k], rate, limit, dt)
+        intentions.wanted_twist[k], intentions.twist[k] = twist, intentions.twist[k] + change
         lead = max(speed * HEAD_LEAD_TIME, MINIMUM_HEAD_LEAD)
         ahead_x, ahead_y = point_ahead(routes, k, humans[k, X], humans[k, Y], lead)
         c, s = rotation(twist)
-        result.facing[k, 0], result.facing[k, 1] = facing_x * c - facing_y * s, facing_x * s + facing_y * c
-        result.gaze[k, 0], result.gaze[k, 1] = gaze(
-            k, tick, humans, social, facing_x, facing_y, ahead_x, ahead_y, reactions, glances, dt
+        intentions.facing[k, 0], intentions.facing[k, 1] = facing_x * c - facing_y * s, facing_x * s + facing_y * c
+        intentions.gaze[k, 0], intentions.gaze[k, 1] = gaze(
+            k, tick, humans, social, facing_x, facing_y, ahead_x, ahead_y, reactions, state.glances, dt
         )
 
 
 @kernel
-def total_acceleration(packed_people: Any, walking: Array, robot_x: float, robot_y: float, interval: float) -> None:
+def total_acceleration(packed_state: Any, walking: Array, robot_x: float, robot_y: float, interval: float) -> None:
     """Add the repulsion from the robot to the model's accelerations, hold standing pedestrians, and limit speeds.
 
     Args:
-        packed_people: packed `People`; `plan.acceleration` is filled.
+        packed_state: packed `CrowdState`; `intentions.acceleration` is filled.
         walking: (N, 2), m/s^2, of the pedestrian model.
         robot_x, robot_y: m.
         interval: time to the next evaluation, s.
     """
-    people = unpack(packed_people, People)
-    result, walkers, reactions = people.plan, people.walkers, people.reactions
-    for k in range(len(result.acceleration)):
+    state = unpack(packed_state, CrowdState)
+    intentions, walkers, reactions = state.intentions, state.walkers, state.reactions
+    for k in range(len(intentions.acceleration)):
         x, y, vx, vy = walkers.position[k, 0], walkers.position[k, 1], walkers.velocity[k, 0], walkers.velocity[k, 1]
         if walkers.walks[k]:
             push_x, push_y = robot_repulsion(reactions, k, x, y, robot_x, robot_y)
             ax, ay = walking[k, 0] + push_x, walking[k, 1] + push_y
         else:
-            place = result.standing_position
+            place = intentions.standing_position
             ax, ay = standing_acceleration(
                 x, y, vx, vy, place[k, 0], place[k, 1], walkers.body_direction[k, 0], walkers.body_direction[k, 1]
             )
         # The speed after the interval is limited.
         vx_after, vy_after = vx + ax * interval, vy + ay * interval
         speed, maximum = math.sqrt(vx_after * vx_after + vy_after * vy_after), 0.0
-        maximum = MAXIMUM_SPEED_RATIO * result.preferred_speed[k]
+        maximum = MAXIMUM_SPEED_RATIO * intentions.preferred_speed[k]
         scale = maximum / max(speed, 1e-6) if speed > maximum else 1.0
-        result.acceleration[k, 0] = (vx_after * scale - vx) / interval
-        result.acceleration[k, 1] = (vy_after * scale - vy) / interval
+        intentions.acceleration[k, 0] = (vx_after * scale - vx) / interval
+        intentions.acceleration[k, 1] = (vy_after * scale - vy) / interval
 
 
 def _walkers(scene: Scene) -> Walkers:
@@ -527,14 +523,14 @@ def _walkers(scene: Scene) -> Walkers:
         desired_direction=np.zeros((count, 2)),
         body_direction=np.zeros((count, 2)),
         desired_speed=np.zeros(count),
-        radius=np.array([human.radius for human in scene.humans], dtype=float),
+        radius=scene.human_table.radius.copy(),
         walks=np.zeros(count, dtype=bool),
         neighbour_start=np.zeros(count + 1, dtype=np.int64),
         neighbour=np.zeros(0, dtype=np.int64),
         attention=np.zeros(0),
         group=_walking_groups(scene),
         is_abreast=np.ones(count, dtype=bool),
-        shoulder=np.array([human.shoulder for human in scene.humans], dtype=float),
+        shoulder=scene.human_table.shoulder.copy(),
         headway=np.array([human.headway for human in scene.humans], dtype=float),
         politeness=np.array([human.politeness for human in scene.humans], dtype=float),
         steering=np.zeros((count, 2)),
@@ -553,7 +549,7 @@ def _group_speeds(scene: Scene) -> Array:
 
 def _walking_groups(scene: Scene) -> IntArray:
     """`Walkers.group` of a scene."""
-    index = {human.id: k for k, human in enumerate(scene.humans)}
+    index = scene.human_table.row
     group = np.full(len(index), -1)
     for rows in ([index[m] for m in g.members] for g in scene.groups if g.kind == "walking" and len(g.members) > 1):
         group[rows] = rows[0]

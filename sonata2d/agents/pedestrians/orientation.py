@@ -1,4 +1,4 @@
-"""Which way pedestrians turn their bodies and heads; each one's glances are drawn from its own random stream.
+"""Directions of the pedestrians' bodies and heads; each pedestrian's glances have their own random stream.
 
 - The body of a walker turns to where it wants to go, and so leads a turn of its path, by 35 degrees at most. The head
   turns to the point on the path 1 s ahead, so that it leads the body, and at times to companions.
@@ -93,7 +93,7 @@ class GlanceStreams:
     """
 
     def __init__(self, scene: Scene) -> None:
-        self._rng = AgentStreams(scene.seed, scene.episode, "glances", [human.id for human in scene.humans])
+        self._rng = AgentStreams(scene.seed, scene.episode, "glances", scene.human_table.id.tolist())
 
     def refill(self, glances: Glances) -> None:
         """Draw random numbers for all pedestrians that have fewer than they may need in a tick."""
@@ -156,7 +156,7 @@ def facing(
 
 @subroutine
 def _facing_point(k: int, humans: Array, social: SocialArrays) -> Vector:
-    """What a standing pedestrian faces: the partner, the centre of the group, or its facing point; m."""
+    """The point that a standing pedestrian faces: the partner, the centre of the group, or its facing point; m."""
     count = social.partner_count[k]
     if count == 0 or social.keeps_facing[k]:
         return social.facing_point[k, 0], social.facing_point[k, 1]

@@ -286,7 +286,7 @@ def _wait(passages: Passages, g: int, k: int, walkers: Walkers, humans: Array, s
     speed, limit = walkers.desired_speed[k], stopping_speed(rest)
     if abs(aside) < LANE and distance < LANE_LENGTH:
         outwards = passages.frame[g, _LEFT_ROOM if ahead > 0.0 else _RIGHT_ROOM]
-        if outwards == 0.0:  # the side of the rules is that of a walker who faces the passage
+        if outwards == 0.0:  # the side of the rules is as seen by a walker who faces the passage
             outwards = -side * ahead if aside == 0.0 else aside
         # It steps aside, and approaches if it is still far.
         approach = min(rest, 1.0) / distance

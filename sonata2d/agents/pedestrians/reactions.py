@@ -105,7 +105,7 @@ def initial_reactions(scene: Scene) -> Reactions:
         weight=np.array([human.reacts_to_robot for human in humans], dtype=float),
         is_alone=np.array([human.group is None for human in humans], dtype=bool),
         clearance=np.where(kind == SCARED, clearance + SCARED_CLEARANCE, clearance),
-        contact_distance=np.array([human.shape.circumradius for human in humans], dtype=float) + scene.robot.radius,
+        contact_distance=scene.human_table.circumradius + scene.robot.radius,
         elapsed=np.zeros(count),
         is_exhausted=np.zeros(count, dtype=bool),
         delay=np.zeros(count),

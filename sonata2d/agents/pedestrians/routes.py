@@ -41,7 +41,7 @@ class Routes(NamedTuple):
         path: (N, P, 2), m, waypoints; the first `length` ones of each row are valid.
         length: (N,) of int; 0 means that the pedestrian stays where it is.
         next: (N,) of int, index of the present waypoint; of an empty path -1 or 0.
-        version: (N,) of int, a number of its own for every path; followers share that of the path that they copied.
+        version: (N,) of int, a number of its own for every path; followers share the number of a copied path.
         copied: (N,) of int, version of the leader's path that a follower copied last.
         goals_left: (N,) of int, goals of the scene that are still to be visited; -1 for pedestrians without goals.
         is_assigned: (N,) of bool, the destination is set from outside.
@@ -90,7 +90,7 @@ def next_without_destination(
         barriers: rows of `Barriers.table`: walls and furniture.
 
     Returns:
-        Item of `Routes.order` whose pedestrian needs a destination; the number of items if there is none.
+        Item of `Routes.order` whose pedestrian needs a destination; the number of items if nobody needs one.
     """
     for n in range(first, len(routes.order)):
         k = routes.order[n]
@@ -242,7 +242,7 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray) -> None:
             routes.is_leaving[k] = False
             continue
         leader = routes.leader[k]
-        # Followers abreast without a target of their own aim at that of the leader, shifted by their present offset.
+        # Followers abreast without a target of their own aim at the leader's target, shifted by their present offset.
         if leader != k and routes.is_abreast[k] and is_present[leader] and not routes.is_assigned[k]:
             for axis in range(2):
                 shifted = routes.target[leader, axis] + humans[k, X + axis] - humans[leader, X + axis]

@@ -27,8 +27,8 @@ from ...core.vectors import length
 from .routes import Routes, is_near
 
 CLEARANCE = 0.05  # m, of shoulders from walls, furniture and standing people, where there is room
-TIGHT_CLEARANCE = 0.03  # m, of a body that passes sideways, where there is none
-DETOUR = 1.3  # length of a path with room over that of one without, up to which the first is preferred
+TIGHT_CLEARANCE = 0.03  # m, of a body that passes sideways, where a body cannot pass ahead
+DETOUR = 1.3  # largest ratio of the lengths of a path with room and of a path without, at which the first is preferred
 WALL_TOLERANCE = 0.05  # m, by which a body may overlap a wall before its path counts as blocked
 SPOT_SPACING = 0.7  # m, between the places at which pedestrians stand for a time
 DOORWAY_DEPTH = 0.4  # m, in front of a door, where pedestrians neither stand nor wander to
@@ -66,7 +66,7 @@ class Wayfinding:
         walking = [k for k, human in enumerate(humans) if human.behaviour in ("wandering", "walking")]
         self._recorded = [k for k, human in enumerate(humans) if human.behaviour == "recorded"]
         self._track_look_ahead = int(TRACK_LOOK_AHEAD / scene.rules.dt + 0.5)  # ticks
-        self._rng = AgentStreams(scene.seed, scene.episode, "people", [human.id for human in humans])
+        self._rng = AgentStreams(scene.seed, scene.episode, "people", scene.human_table.id.tolist())
         self._goals = {k: list(humans[k].goals) for k in walking if humans[k].behaviour == "walking"}
         self._stays = {k: list(humans[k].stays) for k in self._goals}  # at these goals, s
         self._stay = [0.0] * count  # at the present destination, s
@@ -95,7 +95,7 @@ class Wayfinding:
             is_exiting=np.array([human.exits for human in humans], dtype=bool),
             is_abreast=np.zeros(count, dtype=bool),
             checkpoint=np.full((count, 2), math.nan),
-            target=np.array([human.pose.position for human in humans], dtype=float).reshape(-1, 2),
+            target=scene.human_table.position.copy(),
             is_final=np.zeros(count, dtype=bool),
             is_leaving=np.zeros(count, dtype=bool),
             is_blocked=np.zeros(count, dtype=bool),
@@ -115,7 +115,7 @@ class Wayfinding:
         self._bounding_box = min(xs), min(ys), max(xs), max(ys)
 
     def begin_tick(self, tick: int, humans: Array, is_present: BoolArray) -> None:
-        """What must happen before the compiled part of a tick: targets of recorded pedestrians, and the first paths.
+        """Prepare the compiled part of a tick: targets of recorded pedestrians, and the first paths.
 
         Args:
             tick: that begins.
@@ -204,7 +204,7 @@ class Wayfinding:
         self._spots[k] = place
 
     def _choose_place(self, k: int) -> Place | None:
-        """A place of interest, by weight, other than the one where the pedestrian is; None if there is none."""
+        """A place of interest, by weight, other than the present one; None if the scene has no places."""
         places = self._scene.places
         others = [place for place in places if place is not self._place[k]] or places
         return self._rng[k].choice(others, [place.weight for place in others]) if others else None
@@ -331,7 +331,7 @@ class Wayfinding:
         return tuple(np.flatnonzero(self.routes.is_leaving).tolist()) if self._has_exits else ()
 
     def _choose_leaders(self, walking: list[int]) -> None:
-        index = {human.id: k for k, human in enumerate(self._scene.humans)}
+        index = self._scene.human_table.row
         groups = (group for group in self._scene.groups if group.kind == "walking")
         leader_of = {index[m]: index[group.members[0]] for group in groups for m in group.members}
         self.routes.version[walking] = [self._new_version() for _ in walking]

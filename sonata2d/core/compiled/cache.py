@@ -44,7 +44,7 @@ STAMP, WAIT_STAMP = "last", "waiting"  # files in the folder, touched at each co
 _SUFFIX = ".kernel"
 _MAX_FILES = 16  # of one kernel: versions, settings, argument types
 _MAX_AGE = 90 * 86400.0  # s since a file was last used
-_SILENT_WAIT = 3.0  # s of waiting for another process, after which the user is told
+_SILENT_WAIT = 3.0  # s of waiting for another process, after which the user gets a message
 _LOCK_TIMEOUT = 120.0  # s; then a process compiles although another one seems to
 _SAME_START = 10.0  # s between compilations that are announced once
 
@@ -120,7 +120,7 @@ class _KernelFiles:
 
     def compile(self, signature: Any) -> Any:
         """Load the kernel or compile it, in one process at a time, and return its entry point."""
-        # Numba's lock is taken before that of the file everywhere, so that two threads cannot wait for each other.
+        # Numba's lock is taken before the lock of the file everywhere, so that two threads cannot wait for each other.
         with global_compiler_lock:
             numba.core.config.reload_config()  # as numba does when it compiles: the settings are a part of the name
             name = self._name(signature)
@@ -136,7 +136,7 @@ class _KernelFiles:
                 raise KernelError(self._cause(error)) from error
 
     def _cause(self, error: NumbaError) -> str:
-        """What matters of numba's message, which repeats itself for each function on the way, over up to 100 lines."""
+        """Cause of an error of numba, whose message repeats itself for each function on the way, in up to 100 lines."""
         text = re.sub("\x1b\\[[0-9;]*m", "", str(error))  # without colours
         lines = (line.strip() for line in text.splitlines())
         what = next((line for line in lines if line and not line.startswith("Failed in ")), "")
@@ -146,7 +146,7 @@ class _KernelFiles:
         return f"{kernel} cannot be compiled: {what}{where}; NUMBA_DISABLE_JIT=1 runs it as ordinary Python"
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
-        """What numba would have compiled, or None; called by numba within `compile`."""
+        """Machine code from a file, or None; called by numba within `compile`."""
         name = self._name(signature)
         content = _read(name) if name else None
         if content is not None:
@@ -208,7 +208,7 @@ def _make_symbols_unique(functions: list[FunctionType], key: str) -> None:
 
 
 def _find(name: str) -> Path | None:
-    """The file of that name, or None if there is none."""
+    """The file of that name, or None if it does not exist."""
     folder = cache_folder()
     path = folder and folder / (name + _SUFFIX)
     return path if path and path.exists() else None

@@ -92,7 +92,7 @@ def shoulder_line_distance(
     """`geometry.shoulder_line_distances` of one pair, m.
 
     Args:
-        dx, dy: from the middle of the first line to that of the other one, m.
+        dx, dy: from the middle of the first line to the middle of the other one, m.
         bx, by, other_bx, other_by: unit vectors of the headings.
         shoulder, other_shoulder: half the length of the lines, m.
     """

@@ -51,14 +51,14 @@ def to_hetero(graph: Graph) -> Any:
         selected = graph.node_type == kind
         hetero[NODE_TYPES[kind]].x = torch.tensor(graph.features[selected], dtype=torch.float32)
         hetero[NODE_TYPES[kind]].instant = torch.tensor(graph.instant[selected])
-    for key, edges in typed_edges(graph).items():
+    for key, edges in _typed_edges(graph).items():
         hetero[key].edge_index = torch.tensor(edges)
     if label is not None:
         hetero.y = label
     return hetero
 
 
-def typed_edges(graph: Graph) -> dict[tuple[str, str, str], Any]:
+def _typed_edges(graph: Graph) -> dict[tuple[str, str, str], Any]:
     """Group the edges by type.
 
     Returns:

@@ -1,8 +1,13 @@
-"""Names of the features of both kinds of graph, in the order of their columns, and their scales."""
+"""Names and scales of the features of both kinds of graph, and the columns of the table of static nodes."""
 
 from __future__ import annotations
 
+from ...record.layout import ROW_HEAD
 from .graph import NODE_TYPES
+
+# Columns of the table of static nodes: the columns of pedestrians in files, then size, radius (0 for rectangles and
+# walls), and unit vector of the direction.
+LENGTH, WIDTH, RADIUS, AXIS_X, AXIS_Y, COLUMNS = range(ROW_HEAD + 1, ROW_HEAD + 7)
 
 # Of a modern graph, in SI units.
 MODERN_FEATURES = (
@@ -10,7 +15,7 @@ MODERN_FEATURES = (
     "age", "x", "y", "cos", "sin", "vx", "vy", "omega", "head_cos", "head_sin", "length", "width",
     "near_x", "near_y", "gap",
 )  # fmt: skip
-# What a network reads of a modern graph: the features up to the width, and derived ones.
+# Inputs of a network from a modern graph: the features up to the width, and derived ones.
 INPUTS = (
     *MODERN_FEATURES[: MODERN_FEATURES.index("near_x")],
     "near_x", "near_y", "to_x", "to_y", "distance", "gap", "close", "near",

@@ -24,7 +24,7 @@ RELATIONS = (
 _LETTER = {"human": "p", "object": "o", "room": "r", "wall": "w", "goal": "g"}
 INTERVAL = 1.0  # s, minimum between two instants
 ROUNDING = 1e-6  # s, m: accumulated rounding of numbers from files
-WALL_PIECE = 4.0  # m; longer walls are divided into several nodes
+_WALL_PIECE = 4.0  # m; longer walls are divided into several nodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +143,7 @@ class Nodes:
         ticks: tuple[int, ...],
         label: Any,
     ) -> Graph:
-        """Return a graph with these nodes at each of k instants; the arguments are those of `Graph` and `edges`."""
+        """Return a graph with these nodes at each of k instants; for the arguments see `Graph` and `edges`."""
         edges, relation = self.edges(interactions)
         return Graph(
             feature_names=names,
@@ -178,7 +178,7 @@ def wall_pieces(walls: Array) -> tuple[tuple[int, ...], Array]:
     for k, wall in enumerate(walls):
         dx, dy = (wall[2:] - wall[:2]).tolist()
         length = round(math.sqrt(dx * dx + dy * dy), 6)  # else the last bit decides for walls of 4 or 8 m
-        count = int(length / WALL_PIECE) + 1
+        count = int(length / _WALL_PIECE) + 1
         cuts = wall[:2] + np.linspace(0.0, 1.0, count + 1)[:, None] * (wall[2:] - wall[:2])
         ends += [np.concatenate(pair) for pair in pairwise(cuts)]
         indices += [k] * count

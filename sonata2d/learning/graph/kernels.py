@@ -12,30 +12,35 @@ from ...core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, X, Y
 from ...core.portable_math import PI, Array, BoolArray, IntArray
 from ...record.layout import ROW_HEAD, ROW_OMEGA, ROW_THETA, ROW_VX, ROW_VY, ROW_X, ROW_Y
 from .features import (
+    AXIS_X,
+    AXIS_Y,
     CLOSE,
+    COLUMNS,
     CROWD,
     FEATURES,
     INPUTS,
     LARGEST_DISTANCE,
+    LENGTH,
     MODERN_FEATURES,
     NEAR,
     POSITION_SCALE,
+    RADIUS,
     SCALE,
+    WIDTH,
 )
 from .graph import NODE_TYPES
-from .source import AXIS_X, AXIS_Y, COLUMNS, LENGTH, RADIUS, WIDTH
 
-HUMAN, OBJECT, ROOM, WALL, GOAL = (NODE_TYPES.index(kind) for kind in ("human", "object", "room", "wall", "goal"))
-TYPES = len(NODE_TYPES)
+_HUMAN, _OBJECT, _ROOM, _WALL, _GOAL = (NODE_TYPES.index(kind) for kind in ("human", "object", "room", "wall", "goal"))
+_TYPES = len(NODE_TYPES)
 
 # First columns of groups of features: of modern graphs, of the inputs of a network, of graphs of the paper.
-AGE, POSITION, DIRECTION, VELOCITY, HEAD_DIRECTION, SIZE, NEAREST, GAP = (
+_AGE, _POSITION, _DIRECTION, _VELOCITY, _HEAD_DIRECTION, _SIZE, _NEAREST, _GAP = (
     MODERN_FEATURES.index(name) for name in ("age", "x", "cos", "vx", "head_cos", "length", "near_x", "gap")
 )
-TO_NEAREST, TO_CENTRE, DISTANCE, SCALED_GAP, TO_GOAL, OWN_VELOCITY = (
+_TO_NEAREST, _TO_CENTRE, _DISTANCE, _SCALED_GAP, _TO_GOAL, _OWN_VELOCITY = (
     INPUTS.index(name) for name in ("near_x", "to_x", "distance", "gap", "goal_x", "own_vx")
 )
-INSTANT, TIME, OF_HUMAN, OF_OBJECT, OF_ROOM, OF_WALL, OF_GOAL = (
+_INSTANT, _TIME, _OF_HUMAN, _OF_OBJECT, _OF_ROOM, _OF_WALL, _OF_GOAL = (
     FEATURES.index(name)
     for name in ("is_t_0", "is_first_frame", "hum_x_pos", "obj_x_pos", "room_humans", "wall_x_pos", "goal_x_pos")
 )
@@ -88,7 +93,7 @@ def modern_features(
     """Compute the features of the N nodes of one instant of a modern graph.
 
     Args:
-        fixed: (O + 1 + M, 12), objects, goal and pieces of walls; the columns of `source`.
+        fixed: (O + 1 + M, 12), objects, goal and pieces of walls; the columns of `features`.
         goal: node of the goal, 1 + P + O.
         present: (P,), indices of the pedestrians that are nodes.
         humans: (H, 7), all pedestrians, world frame.
@@ -114,19 +119,21 @@ def modern_features(
         if k == 0:
             body[ROW_HEAD] = robot[ROW_THETA]
         row = features[k]
-        for column in range(TYPES):
+        for column in range(_TYPES):
             row[column] = 0.0
         row[_kind(k, people, goal)] = 1.0
-        row[AGE] = age
-        row[POSITION], row[POSITION + 1] = _rotated(body[ROW_X] - origin[ROW_X], body[ROW_Y] - origin[ROW_Y], cos, sin)
-        row[DIRECTION], row[DIRECTION + 1] = unit_vector(body[ROW_THETA] - origin[ROW_THETA])
-        row[VELOCITY], row[VELOCITY + 1] = _rotated(body[ROW_VX], body[ROW_VY], cos, sin)
-        row[VELOCITY + 2] = body[ROW_OMEGA]
-        row[HEAD_DIRECTION], row[HEAD_DIRECTION + 1] = unit_vector(body[ROW_HEAD] - origin[ROW_THETA])
-        row[SIZE], row[SIZE + 1] = body[LENGTH], body[WIDTH]
+        row[_AGE] = age
+        row[_POSITION], row[_POSITION + 1] = _rotated(
+            body[ROW_X] - origin[ROW_X], body[ROW_Y] - origin[ROW_Y], cos, sin
+        )
+        row[_DIRECTION], row[_DIRECTION + 1] = unit_vector(body[ROW_THETA] - origin[ROW_THETA])
+        row[_VELOCITY], row[_VELOCITY + 1] = _rotated(body[ROW_VX], body[ROW_VY], cos, sin)
+        row[_VELOCITY + 2] = body[ROW_OMEGA]
+        row[_HEAD_DIRECTION], row[_HEAD_DIRECTION + 1] = unit_vector(body[ROW_HEAD] - origin[ROW_THETA])
+        row[_SIZE], row[_SIZE + 1] = body[LENGTH], body[WIDTH]
         x, y, distance = _nearest_point(body, robot[ROW_X], robot[ROW_Y])
-        row[NEAREST], row[NEAREST + 1] = _rotated(x - origin[ROW_X], y - origin[ROW_Y], cos, sin)
-        row[GAP] = distance - body[RADIUS] - robot_radius if k > 0 else 0.0
+        row[_NEAREST], row[_NEAREST + 1] = _rotated(x - origin[ROW_X], y - origin[ROW_Y], cos, sin)
+        row[_GAP] = distance - body[RADIUS] - robot_radius if k > 0 else 0.0
 
 
 @subroutine
@@ -140,10 +147,10 @@ def _copy(source: Array, target: Array) -> None:
 def _kind(node: int, people: int, goal: int) -> int:
     """Type of a node, by the order of `Nodes`."""
     if node <= people:
-        return HUMAN if node > 0 else ROOM
+        return _HUMAN if node > 0 else _ROOM
     if node < goal:
-        return OBJECT
-    return GOAL if node == goal else WALL
+        return _OBJECT
+    return _GOAL if node == goal else _WALL
 
 
 @subroutine
@@ -184,20 +191,20 @@ def modern_inputs(features: Array, goal: int, inputs: Array) -> None:
     """
     for k in range(len(features)):
         row, given = inputs[k], features[k]
-        for column in range(NEAREST):
+        for column in range(_NEAREST):
             row[column] = given[column]
-        row[POSITION], row[POSITION + 1] = given[POSITION] / POSITION_SCALE, given[POSITION + 1] / POSITION_SCALE
-        row[TO_NEAREST], row[TO_NEAREST + 1], _ = _direction_and_length(given[NEAREST], given[NEAREST + 1])
-        row[TO_CENTRE], row[TO_CENTRE + 1], distance = _direction_and_length(given[POSITION], given[POSITION + 1])
-        row[DISTANCE] = distance / POSITION_SCALE
-        row[SCALED_GAP] = min(given[GAP], LARGEST_DISTANCE) / NEAR
-        free = max(given[GAP], 0.0)
-        row[SCALED_GAP + 1], row[SCALED_GAP + 2] = exp(-free / CLOSE), exp(-free / NEAR)
-        x, y, distance = _direction_and_length(features[goal, POSITION], features[goal, POSITION + 1])
-        row[TO_GOAL], row[TO_GOAL + 1] = x, y
-        row[TO_GOAL + 2] = min(distance, LARGEST_DISTANCE) / POSITION_SCALE
+        row[_POSITION], row[_POSITION + 1] = given[_POSITION] / POSITION_SCALE, given[_POSITION + 1] / POSITION_SCALE
+        row[_TO_NEAREST], row[_TO_NEAREST + 1], _ = _direction_and_length(given[_NEAREST], given[_NEAREST + 1])
+        row[_TO_CENTRE], row[_TO_CENTRE + 1], distance = _direction_and_length(given[_POSITION], given[_POSITION + 1])
+        row[_DISTANCE] = distance / POSITION_SCALE
+        row[_SCALED_GAP] = min(given[_GAP], LARGEST_DISTANCE) / NEAR
+        free = max(given[_GAP], 0.0)
+        row[_SCALED_GAP + 1], row[_SCALED_GAP + 2] = exp(-free / CLOSE), exp(-free / NEAR)
+        x, y, distance = _direction_and_length(features[goal, _POSITION], features[goal, _POSITION + 1])
+        row[_TO_GOAL], row[_TO_GOAL + 1] = x, y
+        row[_TO_GOAL + 2] = min(distance, LARGEST_DISTANCE) / POSITION_SCALE
         for column in range(3):
-            row[OWN_VELOCITY + column] = features[0, VELOCITY + column]
+            row[_OWN_VELOCITY + column] = features[0, _VELOCITY + column]
 
 
 @subroutine
@@ -227,7 +234,7 @@ def paper_features(
     """Compute the features and positions of the N nodes of one instant of a graph of the paper.
 
     Args:
-        fixed: (O + 1 + M, 12), objects, goal and pieces of walls; the columns of `source`.
+        fixed: (O + 1 + M, 12), objects, goal and pieces of walls; the columns of `features`.
         goal: node of the goal, 1 + P + O.
         pieces: (M, 4), ends of the pieces of walls, m.
         present: (P,), indices of the pedestrians that are nodes.
@@ -247,35 +254,35 @@ def paper_features(
         for column in range(len(row)):
             row[column] = 0.0
         row[kind] = 1.0
-        row[INSTANT + instant] = 1.0
-        row[TIME], row[TIME + 1] = is_first, 1.0 / (tick + 1)
+        row[_INSTANT + instant] = 1.0
+        row[_TIME], row[_TIME + 1] = is_first, 1.0 / (tick + 1)
         x, y = 0.0, 0.0
-        if kind == ROOM:
+        if kind == _ROOM:
             crowding = people / CROWD
-            row[OF_ROOM], row[OF_ROOM + 1] = crowding, crowding * crowding
-        elif kind == GOAL:
+            row[_OF_ROOM], row[_OF_ROOM + 1] = crowding, crowding * crowding
+        elif kind == _GOAL:
             node = fixed[k - people - 1]
             x, y = _right_and_ahead(node[ROW_X], node[ROW_Y], robot, cos, sin)
-            _write_position(row, OF_GOAL, 2, x, y)
-        elif kind == WALL:
+            _write_position(row, _OF_GOAL, 2, x, y)
+        elif kind == _WALL:
             piece = pieces[k - goal - 1]
             x, y = _right_and_ahead(piece[0], piece[1], robot, cos, sin)
             end_x, end_y = _right_and_ahead(piece[2], piece[3], robot, cos, sin)
             # The unit vector (right, ahead) is the sine and cosine of the angle from straight ahead.
             size = length(end_x - x, end_y - y)
-            row[OF_WALL + 2], row[OF_WALL + 3] = (end_x - x) / size, (end_y - y) / size
+            row[_OF_WALL + 2], row[_OF_WALL + 3] = (end_x - x) / size, (end_y - y) / size
             x, y = (x + end_x) / 2, (y + end_y) / 2
-            _write_position(row, OF_WALL, 4, x, y)
+            _write_position(row, _OF_WALL, 4, x, y)
         else:
-            first = OF_HUMAN if kind == HUMAN else OF_OBJECT
-            node = humans[present[k - 1]] if kind == HUMAN else fixed[k - people - 1]
+            first = _OF_HUMAN if kind == _HUMAN else _OF_OBJECT
+            node = humans[present[k - 1]] if kind == _HUMAN else fixed[k - people - 1]
             x, y = _right_and_ahead(node[ROW_X], node[ROW_Y], robot, cos, sin)
             angle = -wrap_angle(node[ROW_THETA] - robot[ROW_THETA] + PI / 2)
             row[first + 6], row[first + 5] = unit_vector(angle)
-            if kind == OBJECT:
+            if kind == _OBJECT:
                 row[first + 7], row[first + 8] = node[LENGTH], node[WIDTH]
-            _write_position(row, first, 7 if kind == HUMAN else 9, x, y)
-            node = humans_before[present[k - 1]] if kind == HUMAN else fixed[k - people - 1]
+            _write_position(row, first, 7 if kind == _HUMAN else 9, x, y)
+            node = humans_before[present[k - 1]] if kind == _HUMAN else fixed[k - people - 1]
             last_x, last_y = _right_and_ahead(node[ROW_X], node[ROW_Y], robot_before, cos_before, sin_before)
             turn = wrap_angle(-wrap_angle(node[ROW_THETA] - robot_before[ROW_THETA] + PI / 2) - angle)
             row[first + 2], row[first + 3], row[first + 4] = turn / SCALE, (last_x - x) / SCALE, (last_y - y) / SCALE

@@ -66,8 +66,8 @@ def graph_of_observations(
 ) -> Graph:
     """Return the graph of observations of a recorded or a running episode.
 
-    Nodes and edges are those of the paper, with the robot in the place of the room; the pedestrians are those who are
-    present at every instant. Features: node type; age, s before the newest instant; position, m; direction; velocity,
+    Nodes and edges are as in the paper, with the robot in the place of the room; the pedestrians that are present at
+    every instant have nodes. Features: node type; age, s before the newest instant; position, m; direction; velocity,
     m/s and rad/s; direction of the head; length and width, m; the point of the outline that is nearest to the robot,
     m; and the gap between the outlines, m. Static nodes have zero velocity; the head of a node without a head faces
     ahead; a wall node has the length and the direction of its piece; the size of the goal is the distance at which it
@@ -94,18 +94,10 @@ def modern_rows(scene_nodes: SceneNodes, nodes: Nodes, observations: Sequence[Ob
     rows = np.empty((len(observations) * count, len(MODERN_FEATURES)))
     for i, observation in enumerate(observations):
         modern_features(
-            scene_nodes.fixed,
-            nodes.goal,
-            nodes.present,
-            observation.humans,
-            scene_nodes.radius,
-            scene_nodes.shoulder,
-            observation.robot,
-            scene.robot.radius,
-            origin,
-            (observations[0].tick - observation.tick) * scene.rules.dt,
-            rows[i * count : (i + 1) * count],
-        )
+            scene_nodes.fixed, nodes.goal, nodes.present, observation.humans, scene_nodes.radius, scene_nodes.shoulder,
+            observation.robot, scene.robot.radius, origin,
+            (observations[0].tick - observation.tick) * scene.rules.dt, rows[i * count : (i + 1) * count],
+        )  # fmt: skip
     return rows
 
 
@@ -125,8 +117,8 @@ def _ticks(record: EpisodeRecord, tick: int, instants: int, interval: float) -> 
 def inputs_of(graph: Graph) -> Array:
     """Return the inputs of a network for a graph.
 
-    The inputs of a graph of the paper are its features. Those of a modern graph in the robot's frame are `INPUTS`: the
-    features up to the width, with scaled positions; the directions of a node's nearest point and of its centre; its
+    The inputs of a graph of the paper are its features. The inputs of a modern graph in the robot's frame are `INPUTS`:
+    the features up to the width, with scaled positions; the directions of a node's nearest point and of its centre; its
     distance; the gap, and exp(-gap / 0.5 m) and exp(-gap / 2 m); and, the same for all nodes, direction and distance
     of the goal, and the robot's velocity.
 

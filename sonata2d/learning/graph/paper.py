@@ -1,9 +1,9 @@
 """Graphs of the SONATA paper: up to three instants a second apart, in the robot frame, 42 features per node.
 
-Positions and velocities are those of the original's recorder: x to the robot's right, y ahead, angles clockwise from
+Positions and velocities follow the original's recorder: x to the robot's right, y ahead, angles clockwise from
 the right; velocities are the previous position minus the current one, each in the robot frame of its own tick.
 
-Source: the SONATA toolkit and its data set; see docs/how-to/graphs.md for what agrees with it.
+Source: the SONATA toolkit and its data set; docs/how-to/graphs.md compares the graphs with it.
 """
 
 from __future__ import annotations
@@ -76,11 +76,11 @@ def paper_graph(
     """Return the graph of one to three instants of a recorded or a running episode.
 
     `is_first_frame` marks the oldest instant if `is_first`; `time_left` is 1 / (tick + 1); both are the same for all
-    nodes of an instant. The pedestrians are those who are present at every instant and at the ticks before.
+    nodes of an instant. The pedestrians that are present at every instant and at the ticks before have nodes.
 
     Args:
         scene_nodes: of the scene of the episode.
-        instants: the newest first: each observation with that of the tick before, from which velocities are computed.
+        instants: the newest first: each observation with the one of the tick before, for the velocities.
         is_first: whether the oldest instant is the first of the episode.
         label: label of the graph.
 
@@ -108,21 +108,12 @@ def paper_rows(
     count, oldest = len(nodes), len(instants) - 1
     rows, position = np.empty((len(instants) * count, len(FEATURES))), np.empty((len(instants) * count, 2))
     for i, (current, before) in enumerate(instants):
+        selected = slice(i * count, (i + 1) * count)
         paper_features(
-            scene_nodes.fixed,
-            nodes.goal,
-            scene_nodes.pieces,
-            nodes.present,
-            current.humans,
-            before.humans,
-            current.robot,
-            before.robot,
-            i,
-            float(is_first and i == oldest),
-            current.tick,
-            rows[i * count : (i + 1) * count],
-            position[i * count : (i + 1) * count],
-        )
+            scene_nodes.fixed, nodes.goal, scene_nodes.pieces, nodes.present, current.humans, before.humans,
+            current.robot, before.robot, i, float(is_first and i == oldest), current.tick, rows[selected],
+            position[selected],
+        )  # fmt: skip
     return rows, position
 
 

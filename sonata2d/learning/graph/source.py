@@ -1,4 +1,4 @@
-"""What graphs are made from: observations of a recorded or a running episode, and the static parts of its scene."""
+"""The data of a graph: observations of a recorded or a running episode, and the static nodes of its scene."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from ...core.entities import Interaction
 from ...core.geometry import Disc
-from ...core.humans import constant_of, frozen
+from ...core.humans import frozen
 from ...core.portable_math import Array, BoolArray, IntArray, arctan2, unit_vectors
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
@@ -19,11 +19,8 @@ from ...core.vectors import lengths
 from ...errors import RecordError
 from ...record.layout import HUMAN_NAMES, ROBOT_NAMES, ROW_HEAD, ROW_THETA, ROW_X, interactions_from_rows
 from ...record.record import EpisodeRecord
+from .features import AXIS_X, AXIS_Y, COLUMNS, LENGTH, RADIUS, WIDTH
 from .graph import Nodes, wall_pieces
-
-# Columns of the table of static nodes: those of pedestrians in files, and size, radius (0 for rectangles and walls) and
-# unit vector of the direction.
-LENGTH, WIDTH, RADIUS, AXIS_X, AXIS_Y, COLUMNS = range(ROW_HEAD + 1, ROW_HEAD + 7)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,11 +100,11 @@ class SceneNodes:
         self.scene = scene
         self._wall_indices, self.pieces = wall_pieces(_wall_ends(scene))
         self.fixed = frozen(np.concatenate((_object_rows(scene), _goal_row(scene), _wall_rows(self.pieces))))
-        _, self.radius, self.shoulder = constant_of(scene)
-        self._nodes: tuple[bytes, Nodes] | None = None  # of the last observations, by who is present
+        self.radius, self.shoulder = scene.human_table.radius, scene.human_table.shoulder
+        self._nodes: tuple[bytes, Nodes] | None = None  # of the last observations, by presence
 
     def of(self, observations: Sequence[Observation]) -> Nodes:
-        """Return the nodes at some ticks; the pedestrians are those who are present at all of them."""
+        """Return the nodes at some ticks; the pedestrians that are present at all of them have nodes."""
         present = observations[0].present
         for observation in observations[1:]:
             present = present & observation.present

@@ -1,4 +1,4 @@
-"""How bodies and heads turn towards their targets, with the dynamics of `core.turning`.
+"""Turning of bodies and heads towards their targets, with the dynamics of `core.turning`.
 
 A head compensates the turn of its body, so that the gaze stays on its target.
 """

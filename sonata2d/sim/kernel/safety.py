@@ -1,11 +1,11 @@
-"""What stops the robot: walls and furniture, and the safety guard before pedestrians; contacts, and who causes them.
+"""Stopping of the robot by walls, furniture and the safety guard; contacts, and who causes them.
 
 The velocity towards each outline is limited to gap / h, so that a body that moves in steps of h stops at the surface. A
 holonomic robot slides along it; a unicycle is slowed down along its heading, since its wheels do not slip.
 Contacts are detected from gaps as well, and faults from wanted velocities: a robot that wants to move into an outline
 that it touches is at fault even if the guard holds it back.
 
-The outline of a pedestrian is that of the engine, with its heading in the substep.
+The outline of a pedestrian is the engine's, with its heading in the substep.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ TOUCHED, ROBOT_AT_FAULT, OTHER_AT_FAULT = 1, 2, 4
 
 
 class Guard(NamedTuple):
-    """What the safety guard knows during a tick.
+    """State of the safety guard during a tick.
 
     Attributes:
         radius: (N,), m, half the depth of the pedestrians.

@@ -72,8 +72,8 @@ def _reachable_twist(vx: float, vy: float, omega: float, robot: Array, rules: Ar
     return vx, vy, now_omega + clipped(omega - now_omega, -turn_limit, turn_limit)
 
 
-class Matter(NamedTuple):
-    """All that moves, and what stops it.
+class Buffers(NamedTuple):
+    """Buffers of the world: bodies, safety guard, state, barriers and commands.
 
     Attributes:
         engine: bodies, the robot last.
@@ -116,14 +116,14 @@ def advance(
     """Move the world from one substep of a tick to another.
 
     Args:
-        packed_world: packed `Matter`. The robot is updated, the pedestrians only after the last substep of the tick.
+        packed_world: packed `Buffers`. The robot is updated, the pedestrians only after the last substep of the tick.
         vx, vy, omega: twist of the robot's drive, body frame, m/s and rad/s.
         is_limited: whether to limit it to what the drive can reach within the tick.
         first, end: the substeps from the first one to before the end.
     """
-    matter = unpack(packed_world, Matter)
-    engine, guard, robot, humans, drive = matter.engine, matter.guard, matter.robot, matter.humans, matter.drive
-    rules, barriers = matter.rules, matter.barriers
+    buffers = unpack(packed_world, Buffers)
+    engine, guard, robot, humans, drive = buffers.engine, buffers.guard, buffers.robot, buffers.humans, buffers.drive
+    rules, barriers = buffers.rules, buffers.barriers
     count, h = humans.shape[0], rules[SUBSTEP]
     if first == 0:
         if rules[HOLONOMIC] == 0.0:  # a unicycle has no sideways velocity
@@ -134,17 +134,17 @@ def advance(
         drive[_COS], drive[_SIN] = rotation(omega * h * 0.5)
         robot[GUARDED] = 0.0
         find_near(guard, engine.bodies, barriers, rules)
-        _turn_bodies(matter)
+        _turn_bodies(buffers)
     for k in range(count):
         for axis in range(2):
-            engine.forces[k, axis] = 0.0 if matter.is_absent[k] else matter.acceleration[k, axis] * MASS
+            engine.forces[k, axis] = 0.0 if buffers.is_absent[k] else buffers.acceleration[k, axis] * MASS
     for substep in range(first, end):
-        _turn_torsos(matter, int(rules[SUBSTEPS]) - substep)
-        _move_robot(matter, h)
+        _turn_torsos(buffers, int(rules[SUBSTEPS]) - substep)
+        _move_robot(buffers, h)
         apply_forces(engine)
         step_space(engine, h)
         read_bodies(engine)
-        _keep_robot(matter)
+        _keep_robot(buffers)
     if end == int(rules[SUBSTEPS]):
         robot[EXECUTED_VX], robot[EXECUTED_VY] = drive[_SUM_X] / rules[SUBSTEPS], drive[_SUM_Y] / rules[SUBSTEPS]
         robot[EXECUTED_OMEGA] = robot[OMEGA] = drive[_OMEGA]
@@ -152,52 +152,52 @@ def advance(
 
 
 @subroutine
-def _turn_bodies(matter: Matter) -> None:
+def _turn_bodies(buffers: Buffers) -> None:
     """Turn bodies and heads by one tick. People that the robot presses turn only their heads if they lack the room.
 
     The engine can move a torso that turns out of its neighbours, but not out of a place that has become too narrow.
     """
-    count, torso = len(matter.humans), matter.guard.torso
+    count, torso = len(buffers.humans), buffers.guard.torso
     pressed = np.zeros(count, np.bool_)
     for k in range(count):
-        pressed[k] = _robot_gap(matter, k) < TOUCHING
+        pressed[k] = _robot_gap(buffers, k) < TOUCHING
     for j in np.flatnonzero(pressed):  # those who touch the robot press others
         for k in range(count):
             if not pressed[k]:
-                pressed[k] = _gap(matter, k, int(j), torso[k, 0], torso[k, 1]) < TOUCHING
+                pressed[k] = _gap(buffers, k, int(j), torso[k, 0], torso[k, 1]) < TOUCHING
     for k in range(count):
-        _turn_body(matter, k, pressed[k])
+        _turn_body(buffers, k, pressed[k])
 
 
 @subroutine
-def _turn_body(matter: Matter, k: int, is_pressed: bool) -> None:
+def _turn_body(buffers: Buffers, k: int, is_pressed: bool) -> None:
     """Turn body and head of pedestrian k by one tick; only its head if it is pressed and lacks the room."""
-    humans, posture, facing, rules = matter.humans, matter.posture, matter.facing, matter.rules
+    humans, posture, facing, rules = buffers.humans, buffers.posture, buffers.facing, buffers.rules
     x, y, neck_rate, neck = humans[k, BODY_X], humans[k, BODY_Y], posture[k, NECK_RATE], posture[k, NECK]
-    turn(humans, posture, k, facing, matter.gaze, rules[SIDE], rules[TICK])
+    turn(humans, posture, k, facing, buffers.gaze, rules[SIDE], rules[TICK])
     if not is_pressed:
         return
-    depth = _depth(matter, k, x, y)
-    if _depth(matter, k, humans[k, BODY_X], humans[k, BODY_Y]) > max(depth, MAXIMUM_DEPTH):
+    depth = _depth(buffers, k, x, y)
+    if _depth(buffers, k, humans[k, BODY_X], humans[k, BODY_Y]) > max(depth, MAXIMUM_DEPTH):
         humans[k, BODY_X], humans[k, BODY_Y], facing[k, 0], facing[k, 1] = x, y, x, y
         posture[k, BODY_RATE], posture[k, NECK_RATE], posture[k, NECK] = 0.0, neck_rate, neck
-        turn(humans, posture, k, facing, matter.gaze, rules[SIDE], rules[TICK])
+        turn(humans, posture, k, facing, buffers.gaze, rules[SIDE], rules[TICK])
 
 
 @subroutine
-def _robot_gap(matter: Matter, k: int) -> float:
+def _robot_gap(buffers: Buffers, k: int) -> float:
     """Gap between the robot and pedestrian k at the start of the tick, m."""
-    guard, robot, humans, torso = matter.guard, matter.robot, matter.humans, matter.guard.torso
+    guard, robot, humans, torso = buffers.guard, buffers.robot, buffers.humans, buffers.guard.torso
     dx, dy = humans[k, X] - robot[X], humans[k, Y] - robot[Y]
     dx, dy = to_shoulder_line(dx, dy, torso[k, 0], torso[k, 1], guard.shoulder[k])
-    gap: float = length(dx, dy) - guard.radius[k] - matter.rules[ROBOT_RADIUS]
+    gap: float = length(dx, dy) - guard.radius[k] - buffers.rules[ROBOT_RADIUS]
     return gap
 
 
 @subroutine
-def _gap(matter: Matter, k: int, j: int, bx: float, by: float) -> float:
+def _gap(buffers: Buffers, k: int, j: int, bx: float, by: float) -> float:
     """Gap between pedestrian k with the heading (bx, by) and pedestrian j, m; too large if they are far apart."""
-    guard, humans, torso = matter.guard, matter.humans, matter.guard.torso
+    guard, humans, torso = buffers.guard, buffers.humans, buffers.guard.torso
     dx, dy, radii = humans[j, X] - humans[k, X], humans[j, Y] - humans[k, Y], guard.radius[k] + guard.radius[j]
     distance = length(dx, dy)
     if distance < radii + guard.shoulder[k] + guard.shoulder[j] + TOUCHING:
@@ -208,26 +208,26 @@ def _gap(matter: Matter, k: int, j: int, bx: float, by: float) -> float:
 
 
 @subroutine
-def _depth(matter: Matter, k: int, bx: float, by: float) -> float:
+def _depth(buffers: Buffers, k: int, bx: float, by: float) -> float:
     """Room that pedestrian k lacks with the heading (bx, by), m: between robot and solids, or to other pedestrians."""
-    guard, robot, humans, rules = matter.guard, matter.robot, matter.humans, matter.rules
+    guard, robot, humans, rules = buffers.guard, buffers.robot, buffers.humans, buffers.rules
     x, y, radius, shoulder = humans[k, X], humans[k, Y], guard.radius[k], guard.shoulder[k]
     dx, dy = to_shoulder_line(x - robot[X], y - robot[Y], bx, by, shoulder)
     to_robot = length(dx, dy) - radius - rules[ROBOT_RADIUS]
-    depth: float = -outline_gap(matter.barriers, x, y, bx, by, radius, shoulder) - min(to_robot, 0.0)
+    depth: float = -outline_gap(buffers.barriers, x, y, bx, by, radius, shoulder) - min(to_robot, 0.0)
     for j in range(len(humans)):
         if j != k:
-            depth = max(depth, -_gap(matter, k, j, bx, by))
+            depth = max(depth, -_gap(buffers, k, j, bx, by))
     return depth
 
 
 @subroutine
-def _turn_torsos(matter: Matter, remaining: int) -> None:
+def _turn_torsos(buffers: Buffers, remaining: int) -> None:
     """Turn the torsos in the engine towards the pedestrians' headings, which they have after the remaining substeps.
 
     A torso that turned by a whole tick at once would lie several centimetres deep in its neighbours.
     """
-    humans, torso = matter.humans, matter.guard.torso
+    humans, torso = buffers.humans, buffers.guard.torso
     for k in range(len(humans)):
         x, y = humans[k, BODY_X], humans[k, BODY_Y]
         if remaining > 1:
@@ -235,22 +235,22 @@ def _turn_torsos(matter: Matter, remaining: int) -> None:
             norm = math.sqrt(x * x + y * y)
             x, y = x / norm, y / norm
         torso[k, 0], torso[k, 1] = x, y
-        turn_torso(matter.engine, k, x, y)
+        turn_torso(buffers.engine, k, x, y)
 
 
 @subroutine
-def _move_robot(matter: Matter, h: float) -> None:
+def _move_robot(buffers: Buffers, h: float) -> None:
     """Set the robot's motion in the next substep: a straight line in the direction of its heading in the middle of it.
 
     Args:
-        matter: its heading and executed velocity are updated.
+        buffers: its heading and executed velocity are updated.
         h: duration of the substep, s.
     """
-    engine, robot, drive, rules = matter.engine, matter.robot, matter.drive, matter.rules
+    engine, robot, drive, rules = buffers.engine, buffers.robot, buffers.drive, buffers.rules
     last = len(engine.bodies) - 1
     c, s = _half_turned(robot[BODY_X], robot[BODY_Y], drive)
     wanted_x, wanted_y = drive[_VX] * c - drive[_VY] * s, drive[_VX] * s + drive[_VY] * c
-    (vx, vy), push, is_reduced = limited(matter.guard, wanted_x, wanted_y, engine.bodies, matter.barriers, rules, h)
+    (vx, vy), push, is_reduced = limited(buffers.guard, wanted_x, wanted_y, engine.bodies, buffers.barriers, rules, h)
     if is_reduced:
         robot[GUARDED] = 1.0
     fraction = _unresisted_fraction(vx, vy, drive)
@@ -295,15 +295,15 @@ def _half_turned(c: float, s: float, drive: Array) -> Vector:
 
 
 @subroutine
-def _keep_robot(matter: Matter) -> None:
+def _keep_robot(buffers: Buffers) -> None:
     """Undo what contacts did to the robot's body in the last substep, and note the impulse of a push."""
-    bodies, drive = matter.engine.bodies, matter.drive
+    bodies, drive = buffers.engine.bodies, buffers.drive
     last, ratio = len(bodies) - 1, 0.0
-    if matter.rules[GUARD] == 0.0:
+    if buffers.rules[GUARD] == 0.0:
         ratio = ROBOT_MASS / MASS
     drive[_LOST_X] = (drive[_LOST_X] - bodies[last, VX]) * ratio
     drive[_LOST_Y] = (drive[_LOST_Y] - bodies[last, VY]) * ratio
-    _restore_robot(matter.engine)
+    _restore_robot(buffers.engine)
 
 
 @subroutine
@@ -334,8 +334,8 @@ def copy_bodies(bodies: Array, robot: Array, humans: Array) -> None:
 
 @kernel
 def read_state(packed_world: Any) -> None:
-    """Read positions and velocities of the pedestrians of the packed `Matter` from the engine into its state."""
-    matter = unpack(packed_world, Matter)
-    read_bodies(matter.engine)
-    _restore_robot(matter.engine)
-    copy_bodies(matter.engine.bodies, matter.robot, matter.humans)
+    """Read positions and velocities of the pedestrians of the packed `Buffers` from the engine into its state."""
+    buffers = unpack(packed_world, Buffers)
+    read_bodies(buffers.engine)
+    _restore_robot(buffers.engine)
+    copy_bodies(buffers.engine.bodies, buffers.robot, buffers.humans)

@@ -1,12 +1,12 @@
-// The connection to the server. Nothing else in the page knows how messages travel.
+// The connection of a page to the server.
 
-const FINAL = {4001: "taken", 4002: "refused", 4003: "unknown", 4004: "mistakes"};   // no use in trying again
+const FINAL = {4001: "taken", 4002: "refused", 4003: "unknown", 4004: "mistakes"};   // the page does not connect again
 const RETRY = [300, 600, 1200, 2500, 5000];   // ms
 
 export class Connection {
-  /** Opens a web socket; `receive` gets answers, `status` one of "open", "lost", "taken", "refused", "unknown", ... */
+  /** Opens a web socket; `receive` gets each answer, `status` gets "open", "lost", or a value of FINAL. */
   constructor(url, {receive, status}) {
-    // A random name lets the page replace its own connection, which the server may not know to be lost.
+    // With a random name, the page can replace its own lost connection, which the server may still regard as open.
     this.url = `${url}?page=${Math.random().toString(36).slice(2)}`; this.receive = receive; this.status = status;
     this.attempt = 0; this.socket = null;
     this.open();
@@ -16,7 +16,7 @@ export class Connection {
     const socket = this.socket = new WebSocket(this.url);
     socket.onopen = () => this.status("open");
     socket.onmessage = event => {
-      this.attempt = 0;      // a server that is full accepts a connection before it closes it
+      this.attempt = 0;      // not in onopen: a full server accepts a connection, and then closes it
       if (socket === this.socket) this.receive(JSON.parse(event.data));
     };
     socket.onclose = event => {

@@ -1,15 +1,15 @@
-// Driving: asks the server for each tick, shows the states smoothly, and draws readings over the scene.
+// Driving: requests each tick from the server, and draws the states smoothly.
 
 import {SceneDrawing, fitted, stateBetween, toPixels} from "./drawing.js";
 import {Input} from "./input.js";
 
-const MAX_TICKS = 3;          // for each picture, to catch up; a longer delay of the page is dropped and counted
-const MAX_UNANSWERED = 15;    // ticks that the answer may lag behind before the run is paused
+const MAX_TICKS = 3;          // requested for one picture, to catch up; further ticks are dropped and counted
+const MAX_UNANSWERED = 15;    // ticks without an answer before the run is paused
 const ZOOM_STEP = 1.25, MIN_ZOOM = .4, MAX_ZOOM = 3;
 const OUTSIDE = "#e2e5e9";
 
 export class Drive {
-  /** `send` sends a message; `changed` is called when status or readings change; `act` with actions of the page. */
+  /** `send` sends a message; `changed` is called when the status changes; `act` is called with actions of the page. */
   constructor(canvas, {send, changed, act, isBlocked}) {
     this.canvas = canvas; this.pen = canvas.getContext("2d"); this.send = send; this.changed = changed; this.isBlocked = isBlocked;
     this.input = new Input(canvas, (action, value) => this.perform(action) || act(action, value));
@@ -50,10 +50,10 @@ export class Drive {
     this.update(answer);
   }
 
-  update({status, outcome, given, isUnsaved, isHeld}) {
+  update({status, outcome, frameLabel, isUnsaved, isStudyPaused}) {
     const former = this.status, wasUnsaved = this.isUnsaved;
     if (former === "pausing" && status === "driving") return;   // the answer to a tick before the pause
-    this.outcome = outcome; this.given = given; this.isUnsaved = isUnsaved; this.isHeld = isHeld;
+    this.outcome = outcome; this.frameLabel = frameLabel; this.isUnsaved = isUnsaved; this.isStudyPaused = isStudyPaused;
     this.status = status;
     if (status === "ended") this.input.release();
     if (status !== former || isUnsaved !== wasUnsaved) this.changed();
@@ -61,7 +61,7 @@ export class Drive {
 
   /** Starts or continues. */
   start() {
-    if (this.isHeld || (this.status !== "waiting" && this.status !== "paused")) return;
+    if (this.isStudyPaused || (this.status !== "waiting" && this.status !== "paused")) return;
     this.lag = 0; this.isSlow = false;
     this.status = "driving";
     this.tick();
@@ -72,7 +72,7 @@ export class Drive {
     if (this.status !== "driving") return;
     this.isSlow = isSlow;
     this.input.release();
-    this.status = "pausing";     // until the server says so: no further tick is asked for
+    this.status = "pausing";     // until the answer of the server; no further tick is requested
     this.send({type: "pause", run: this.run});
     this.changed();
   }
@@ -83,7 +83,7 @@ export class Drive {
     this.send({type: "stop", run: this.run});
   }
 
-  /** Gives an answer, at a position between 0 and 1, with the next tick. */
+  /** Sends a label, as its position from 0 to 1, with the next tick. */
   label(position, answer) { this.waitingLabel = {answer, event: {device: "label", control: "value", value: position}}; }
 
   perform(action) {
@@ -110,7 +110,7 @@ export class Drive {
 
   advance(seconds) {
     const {dt} = this.data;
-    if (this.isBlocked()) return;      // the answer that the page waits for has the number of the next tick
+    if (this.isBlocked()) return;      // the awaited answer has the number of the next tick
     this.lag += seconds;
     for (let k = 0; k < MAX_TICKS && this.lag >= dt; k++) {
       if (this.sent - this.latest >= MAX_UNANSWERED) { this.pause(true); return; }
@@ -132,7 +132,7 @@ export class Drive {
 
   // -- drawing
 
-  /** The moment on show: one to two ticks behind the latest state, so that late answers do not show. */
+  /** The state on show: one to two ticks behind the latest one, so that late answers are not visible. */
   moment(seconds) {
     const behind = this.latest - 1 - this.shown, {dt} = this.data;
     if (this.status === "driving") this.shown += seconds / dt * (1 + .2 * Math.min(Math.max(behind, -3), 10));
@@ -157,7 +157,7 @@ export class Drive {
     }});
   }
 
-  /** Where the goal is, if it is out of the picture. */
+  /** An arrow at the edge towards a goal outside the picture. */
   drawGoalArrow(pen, camera, {robot}) {
     const [x, y] = this.data.goal, place = toPixels(camera, x, y), {width, height} = camera, edge = 26;
     this.isGoalBelow = place[1] > .6 * height;

@@ -16,6 +16,12 @@ export function make(tag, attributes = {}, ...children) {
 /** A text with its values filled in. */
 export const filled = (text, values) => text.replace(/\{(\w+)\}/g, (whole, name) => name in values ? values[name] : whole);
 
+/** Fills in the texts that elements name: `data-text` for all, `data-label` for screen readers. */
+export function translate(t) {
+  for (const element of document.querySelectorAll("[data-text]")) element.textContent = t(element.dataset.text);
+  for (const element of document.querySelectorAll("[data-label]")) element.setAttribute("aria-label", t(element.dataset.label));
+}
+
 export const byId = id => document.getElementById(id);
 
 /** Address of the page's web socket. */

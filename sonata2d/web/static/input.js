@@ -58,7 +58,7 @@ export class Input {
   constructor(canvas, act) {
     this.canvas = canvas; this.act = act; this.buffer = new EventBuffer();
     this.stick = null;            // while the picture is dragged: pointer, device, anchor and position in pixels
-    this.isActive = () => true;   // whether keys drive, rather than move through the page
+    this.isActive = () => true;   // whether keys drive; else they belong to the page
     this.ignored = new Set();     // controls of pads that were deflected when all controls were released
     this.held = new Set();        // buttons of pads
     this.turned = 0;              // of the mouse wheel, since the last step
@@ -80,7 +80,7 @@ export class Input {
     if (!event.key || (value && event.isComposing)) return;
     if (event.key === "Meta" && value) this.release();      // macOS does not report keys that are released meanwhile
     let name = KEY_NAMES[event.key] || event.key.toLowerCase();
-    if (!/^[\x20-\x7f]+$/.test(name) || event.key === "Process") {      // of another alphabet
+    if (!/^[\x20-\x7f]+$/.test(name) || event.key === "Process") {      // a letter of another alphabet: the key by its place
       const letter = /^Key([A-Z])$/.exec(event.code);
       if (letter) name = letter[1].toLowerCase();
     }
@@ -110,7 +110,7 @@ export class Input {
     if (event.type === "pointerdown") {
       if (this.stick || event.button !== 0 || !this.isActive()) return;
       event.preventDefault();
-      this.canvas.focus({preventScroll: true});      // keys drive, too
+      this.canvas.focus({preventScroll: true});      // so that keys drive, too
       this.canvas.setPointerCapture(event.pointerId);
       this.stick = {id: event.pointerId, device, anchor: at, position: at, radius: Math.max(RADIUS * Math.min(box.width, box.height), 40)};
     } else if (!this.stick || this.stick.id !== event.pointerId) {
@@ -148,11 +148,11 @@ export class Input {
     });
   }
 
-  /** A pad that is gone drives no more. */
+  /** Releases the controls of a pad that was disconnected. */
   losePad({index, id}) {
-    const own = key => key.startsWith(`pad${index}/`);
-    for (const key of this.buffer.values.keys()) if (own(key)) this.buffer.put(...key.split("/"), 0);
-    for (const keys of [this.ignored, this.held]) for (const key of [...keys]) if (own(key)) keys.delete(key);
+    const isOfPad = key => key.startsWith(`pad${index}/`);
+    for (const key of this.buffer.values.keys()) if (isOfPad(key)) this.buffer.put(...key.split("/"), 0);
+    for (const keys of [this.ignored, this.held]) for (const key of [...keys]) if (isOfPad(key)) keys.delete(key);
     this.act("padLost", id);
   }
 
@@ -177,14 +177,14 @@ export class Input {
 
   poll() { return this.buffer.poll(); }
 
-  /** Sets all controls to zero: a key counts again when it is pressed, a stick after it was centred. */
+  /** Sets all controls to zero; a key has to be pressed again, and a stick has to be centred first. */
   release() {
     this.stick = null;
     for (const [key, value] of this.buffer.values) if (key.startsWith("pad") && value) this.ignored.add(key);
     this.buffer.release();
   }
 
-  /** Whether any control demands a movement. */
+  /** Whether any control demands a motion. */
   isDriving() {
     const {values} = this.buffer;
     for (const [key, value] of [...values, ...this.buffer.taps]) {

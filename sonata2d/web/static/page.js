@@ -1,24 +1,25 @@
-// The page of a participant: shows the present step, and sends what the participant does.
+// The page of a participant: shows the present step, and sends the actions of the participant.
 
 import {Connection} from "./connection.js";
 import {Drive} from "./drive.js";
-import {byId, filled, make, socketAddress} from "./elements.js";
+import {byId, filled, make, socketAddress, translate} from "./elements.js";
 import {form, question} from "./questions.js";
 import {Watch} from "./watch.js";
 
-const PROTOCOL = 1, LABEL_STEP = .1;
+const PROTOCOL = 1;
 const TOUCHED = {human: "readings.touching_human", object: "readings.touching_object", wall: "readings.touching_wall"};
 const PAUSE_OF_CARD = 500;     // ms, in which keys that were pressed to drive do not answer the card
 const PROBLEMS = {refused: "web.not_possible", failed: "web.server_failed"};
 const data = JSON.parse(byId("data").textContent);
 let language = data.languages[0], view = null, stepOnShow = null, isWaiting = false, connection = "lost", label = null;
-let problem = "", notice = "";      // of the last message; about a device, until the run goes on
+let problem = "";      // of the last message
+let notice = "";       // about a device; shown until the run goes on
 
 /** A text of the page in the participant's language. */
 function t(key, values = {}) {
   return filled((data.words[language] || {})[key] || key, values);
 }
-/** The same with a capital letter, for buttons: the tables have words that also stand within a line. */
+/** A text with a capital letter, for buttons; the tables have it in small letters, as within a line. */
 function capital(key) {
   const words = t(key);
   return words.charAt(0).toUpperCase() + words.slice(1);
@@ -41,7 +42,7 @@ const server = new Connection(socketAddress(), {
   },
 });
 
-/** Sends what the participant did; further clicks wait for the answer. */
+/** Sends a message; buttons are disabled until the answer. */
 function send(message) {
   const isSent = server.send(message);
   if (isSent && message.type !== "tick") { isWaiting = true; setBusy(); }
@@ -58,11 +59,11 @@ drive.input.isActive = event => {
   if (!view || !view.drive || isWaiting || byId("help").open) return false;
   const focus = event && event.target;
   if (!focus || !focus.closest) return true;
-  if (focus.matches("input[type=radio]")) return !/^(Arrow.*| )$/.test(event.key);      // those choose another answer
+  if (focus.matches("input[type=radio]")) return !/^(Arrow.*| )$/.test(event.key);      // these keys choose another answer
   return !focus.closest("input, textarea, select, a, button, dialog");
 };
 
-// ---- what is shown
+// ---- the view
 
 function show(next) {
   const former = view;
@@ -82,12 +83,13 @@ function show(next) {
   if (isRating) { watch.show(view.rating); showRating(former); } else watch.hide();
   if (!isDriving && !isRating) showStep();
   const key = `${view.step.id}/${view.step.kind}/${language}`;
-  if (stepOnShow !== null && stepOnShow !== key) {      // read out, and the keyboard goes on from here
+  if (stepOnShow !== null && stepOnShow !== key) {      // a screen reader reads it, and the Tab key continues from here
     scrollTo(0, 0);
     (isDriving ? byId("canvas") : isRating ? byId("film") : byId("title")).focus({preventScroll: true});
   }
   stepOnShow = key;
-  report(view.problemKind ? t(PROBLEMS[view.problemKind]) : "");
+  const reason = view.problemKind === "refused" && view.step.kind === "questions" ? ` (${view.problem})` : "";
+  report(view.problemKind ? t(PROBLEMS[view.problemKind]) + reason : "");
   setBusy();
 }
 
@@ -96,29 +98,25 @@ function showFrame() {
   document.title = text(data.title);
   byId("study").textContent = text(data.title);
   byId("progress").max = total; byId("progress").value = done;
-  byId("canvas").setAttribute("aria-label", t("web.picture"));
-  byId("film").setAttribute("aria-label", t("web.film"));
+  translate(t);
   const place = view.step.kind === "thanks" ? "" : t("web.progress", {number: Math.min(done + 1, total), total});
   byId("progress").setAttribute("aria-label", place || t("rating.thanks"));
   byId("count").textContent = !view.drive ? place : view.drive.isPractice ? t("web.practice")
     : t("readings.run_of", {number: Math.min(kept + 1, runs), count: runs});
   byId("number").textContent = t("web.number", {id: view.participant}); byId("number").hidden = Boolean(view.drive || view.rating);
   byId("preview").hidden = !view.isPreview || view.step.kind === "thanks";
-  byId("preview-text").textContent = t("web.preview"); byId("skip").textContent = t("web.skip");
-  byId("driving-title").textContent = byId("count").textContent; byId("watching-title").textContent = t("web.film");
+  byId("driving-title").textContent = byId("count").textContent;
   const select = byId("language");
   select.hidden = data.languages.length < 2;
-  select.setAttribute("aria-label", t("web.language"));
-  if (!select.options.length) for (const name of data.languages) select.append(make("option", {value: name}, t2(name, "web.name")));
+  if (!select.options.length) for (const name of data.languages) select.append(make("option", {value: name}, data.words[name]["web.name"]));
   select.value = language;
 }
-const t2 = (name, key) => (data.words[name] || {})[key] || name;
 const text = words => typeof words === "string" ? words : words[language] || Object.values(words)[0];
 
 /** A page, the consent, questions, or the end. */
 function showStep() {
   const step = view.step, place = byId("step"), key = `${step.id}/${step.kind}/${language}`;
-  if (stepOnShow === key && place.childElementCount) return;      // keeps what was filled in
+  if (stepOnShow === key && place.childElementCount) return;      // keeps the answers that are filled in
   const title = make("h1", {id: "title", tabindex: -1}, step.title || titleOf(step));
   const parts = [title];
   if (step.html) parts.push(make("div", {class: "prose", html: step.html}));
@@ -127,8 +125,8 @@ function showStep() {
   if (step.kind === "consent") parts.push(consent(step, next));
   if (step.kind === "questions") {
     const former = stepOnShow !== null && stepOnShow.startsWith(`${step.id}/`) ? place.querySelector("form") : null;
-    const given = former ? former.answers() : {};      // of another language
-    const element = form(step.questions, t, values => send({type: "answer", step: step.id, values}), t("web.continue"), given);
+    const answers = former ? former.answers() : {};      // filled in before the language was changed
+    const element = form(step.questions, t, values => send({type: "answer", step: step.id, values}), t("web.continue"), answers);
     element.querySelector("button[type=submit]").dataset.sends = "";
     parts.push(element);
   }
@@ -166,7 +164,7 @@ function showDriving(isNew = false) {
   const {status} = drive, {drive: run} = view;
   byId("status").textContent = `${SIGNS[status] || ""} ${t(WORDS[status] || "readings.waiting")}`;
   byId("status").className = status;
-  byId("hint").textContent = drive.isHeld ? t("web.held") : status === "waiting" ? t(!run.isPractice ? "web.drive_hint" : isTouched ? "web.practice_touch" : "web.practice_hint")
+  byId("hint").textContent = drive.isStudyPaused ? t("web.study_paused") : status === "waiting" ? t(!run.isPractice ? "web.drive_hint" : isTouched ? "web.practice_touch" : "web.practice_hint")
     : drive.isSlow ? t("web.slow") : status === "paused" || status === "pausing" ? t("web.paused") : "";
   if (status === "driving") notice = "";
   report(problem);
@@ -174,7 +172,7 @@ function showDriving(isNew = false) {
   const buttons = [];
   const add = (key, act, attributes = {}) => buttons.push(make("button", {onclick: act, "data-key": key, ...attributes}, capital(key)));
   if (status === "driving") { add("action.pause", () => drive.pause()); add("keys.end_run", () => drive.stop()); }
-  if (status === "paused" && !drive.isHeld) { add("menu.continue", () => drive.start(), {class: "primary"}); add("keys.end_run", () => drive.stop(), {"data-sends": true}); }
+  if (status === "paused" && !drive.isStudyPaused) { add("menu.continue", () => drive.start(), {class: "primary"}); add("keys.end_run", () => drive.stop(), {"data-sends": true}); }
   if (status === "waiting" && view.canUndo) add("menu.undo", () => send({type: "undo"}), {"data-sends": true});
   for (const [change, action, key] of [["view", "view", "keys.camera"], ["zones", "zones", "keys.zones"], ["zoom", "zoomIn", "action.zoom_in"], ["zoom", "zoomOut", "action.zoom_out"]]) {
     if (run.changes.includes(change) && status !== "ended") add(key, () => { drive.perform(action); focusPicture(); });
@@ -195,7 +193,7 @@ const focusPicture = () => byId("canvas").focus({preventScroll: true});
 const isTouched = matchMedia("(pointer: coarse)").matches;      // a phone or a tablet
 const hasPad = () => Boolean(navigator.getGamepads) && navigator.getGamepads().some(Boolean);
 
-// Keys and game-pad buttons: what is pressed, what it does, and whether the study lets participants do it.
+// Rows of the help: keys or buttons, their action, and in which runs it is possible.
 const KEYS = [
   ["help.ahead_keys", "help.ahead"], ["help.turn_keys", "help.turn"], ["Q E", "help.sideways", run => run.isHolonomic], ["player.space_key", "help.brake"],
   ["help.mouse_keys", "help.mouse"], ["help.left_stick_keys", "help.left_stick", hasPad],
@@ -207,11 +205,10 @@ const KEYS = [
   ["help.hud_keys", "action.hud"], ["F1", "help.this"],
 ];
 
-/** Keys, and the meaning of symbols; the run is paused meanwhile. */
+/** The help: keys, and the meaning of symbols; the run is paused meanwhile. */
 function showHelp() {
   if (byId("help").open) { byId("help").close(); return; }
   drive.pause();
-  byId("help-title").textContent = t("help.title"); byId("legend-title").textContent = t("web.symbols"); byId("help-close").textContent = t("help.close");
   const rows = isTouched ? [["web.touch", "help.mouse"]] : KEYS.filter(([, , isAllowed]) => !isAllowed || isAllowed(view.drive));
   byId("keys").replaceChildren(...rows.flatMap(([keys, meaning]) => [make("dt", {}, t(keys)), make("dd", {}, t(meaning))]));
   showLegend();
@@ -221,10 +218,10 @@ function showLegend() {
   byId("legend").replaceChildren(...view.drive.legend.map(entry => make("li", {}, make("span", {html: entry.symbol, "aria-hidden": "true"}), entry.text)));
 }
 
-/** Whether the card appeared so lately that a key may have been pressed to drive. */
+/** Whether the card appeared just now, so that a key may have been pressed to drive. */
 const isCardNew = () => performance.now() - byId("card").shownAt < PAUSE_OF_CARD;
 
-/** The card of a run that ended: its question, and what to do with it. */
+/** The card of a run that ended: the question about it, and buttons to keep, discard or repeat it. */
 function showCard(status, run) {
   const card = byId("card");
   if (status !== "ended") { card.hidden = true; card.replaceChildren(); return; }
@@ -267,22 +264,18 @@ function keepRun(asked) {
   send({type: "keep", run: view.drive.run, label: asked ? asked.answer : null});
 }
 
-/** The label that is asked for while driving. */
+/** The question that is asked while driving. */
 function showFrameLabel(run, isNew) {
   const place = byId("while"), spec = run.label;
   place.hidden = !spec || spec.when !== "frame" || drive.status === "ended";
   if (place.hidden || (!isNew && place.childElementCount)) return;
-  const asked = question({...spec, answer: drive.waitingLabel ? drive.waitingLabel.answer : drive.given}, t);
+  const asked = question({...spec, answer: drive.waitingLabel ? drive.waitingLabel.answer : drive.frameLabel}, t);
   asked.addEventListener("answered", () => {
-    drive.label(positionOf(asked.answer, spec), asked.answer);
+    drive.label(asked.position(), asked.answer);
     if (place.contains(document.activeElement)) focusPicture();
   });
   place.replaceChildren(asked);
   place.asked = asked;
-}
-function positionOf(answer, spec) {
-  if (spec.kind === "slider") return answer;
-  return spec.kind === "yes_no" ? +answer : (answer - 1) / Math.max(spec.classes.length - 1, 1);
 }
 
 function showReadings() {
@@ -297,17 +290,17 @@ function showReadings() {
   byId("nearest").className = touches ? "touching" : nearest !== null && nearest < 1.2 ? "near" : "";
 }
 
-/** Actions of keys and game pads; true if there is one. */
+/** Carries out an action of a key or a game pad; false if it is not possible now. */
 function perform(action, device) {
   if (!view || !view.drive || isWaiting) return false;
   const {status} = drive, {drive: run} = view, card = byId("card");
-  if (action === "confirm") {
+  if (action === "confirm") {      // one key leads through a run: start, end, keep
     if (status === "driving") drive.stop();
     else if (status === "waiting" || status === "paused") drive.start();
     else if (status === "ended" && byId("confirm") && !isCardNew()) byId("confirm").click();
   } else if (action === "pause") {
     if (status === "driving") drive.pause(); else if (status === "paused") drive.start(); else return false;
-  } else if (action === "discard" || action === "redo") {
+  } else if (action === "discard" || action === "redo") {      // the first press ends the run, and the card asks again
     if (status === "driving" || status === "paused") drive.stop();
     else if (status === "ended" && (run.allowed[action] || run.isPractice)) send({type: run.isPractice ? "redo" : action, run: run.run});
   } else if (action === "padLost") {
@@ -323,22 +316,9 @@ function perform(action, device) {
   } else if (action.startsWith("label")) {
     const asked = status === "ended" ? card.asked : byId("while").asked;
     if (!asked || !run.label) return false;
-    moveLabel(asked, run.label, action);
+    asked.move(action);
   } else return false;
   return true;
-}
-function moveLabel(asked, spec, action) {
-  if (spec.kind === "slider") {
-    const step = {labelUp: LABEL_STEP, labelDown: -LABEL_STEP}[action], input = asked.querySelector("input");
-    if (!step) return;
-    input.value = asked.answer === null ? .5 : Math.min(Math.max(asked.answer + step, 0), 1);
-    input.dispatchEvent(new Event("input"));
-    return;
-  }
-  const values = spec.kind === "yes_no" ? [false, true] : (spec.classes || []).map((_, k) => k + 1);
-  const now = values.indexOf(asked.answer), digit = Number(action.slice(5));
-  const next = digit ? digit - 1 : action === "labelUp" ? Math.min(now + 1, values.length - 1) : Math.max(now - 1, 0);
-  if (values[next] !== undefined) asked.choose(values[next]);
 }
 
 // ---- rating
@@ -385,7 +365,7 @@ function showWatching() {
 
 // ---- connection, language, help
 
-/** Shows a problem of the last message; without one, what else the participant should know. */
+/** Shows the problem of the last message; without one, a notice about the run or a device. */
 function report(words) {
   problem = words;
   const isDriving = view && view.drive;
@@ -400,13 +380,13 @@ function showConnection() {
   byId("connection").textContent = words ? t(words) : "";
   setBusy();
 }
-// Keys that are held, or were pressed to drive, press no button and choose no answer.
+// Keys that are still held, or were pressed to drive, must not press a button or choose an answer of the card.
 byId("card").addEventListener("keydown", event => {
   const isPress = ["Enter", " "].includes(event.key);
   if (isCardNew() ? isPress || event.key.startsWith("Arrow") : isPress && event.repeat) event.preventDefault();
 });
-addEventListener("keydown", event => {      // on pages with questions; while driving, `Input` does it
-  const isUndo = event.ctrlKey && event.key.toLowerCase() === "z" && !event.target.closest("textarea, input[type=number]");
+addEventListener("keydown", event => {      // on pages with questions; `Input` does it while driving
+  const isUndo = event.ctrlKey && event.key.toLowerCase() === "z" && !event.target.closest("textarea, .question > input");
   if (isUndo && view && !view.drive && view.canUndo && !isWaiting) { event.preventDefault(); send({type: "undo"}); }
 });
 byId("language").addEventListener("change", event => send({type: "language", language: event.target.value}));
@@ -414,5 +394,5 @@ byId("skip").addEventListener("click", () => send({type: "skip", step: view.step
 document.addEventListener("visibilitychange", () => { if (document.hidden) drive.pause(); });
 addEventListener("blur", () => drive.pause());
 setInterval(showReadings, 100);
-// While the researcher holds all runs, nothing else tells the page when they go on.
-setInterval(() => { if (view && view.drive && drive.isHeld && !isWaiting && drive.status !== "ended") send({type: "pause", run: view.drive.run}); }, 1000);
+// While the researcher has paused the study, the page asks whether it goes on.
+setInterval(() => { if (view && view.drive && drive.isStudyPaused && !isWaiting && drive.status !== "ended") send({type: "pause", run: view.drive.run}); }, 1000);

@@ -1,4 +1,4 @@
-// The researcher's page: how far participants are, what one of them does now, links, export and agreement of ratings.
+// The researcher's page: progress of the participants, live view, pause, links, export, agreement of ratings.
 
 import {Connection} from "./connection.js";
 import {SceneDrawing, fitted, stateBetween} from "./drawing.js";
@@ -13,8 +13,8 @@ const STATES = {driving: "readings.recording", paused: "readings.paused", ended:
 const data = JSON.parse(byId("data").textContent), base = data.url || location.origin;
 const t = (key, values = {}) => filled(data.words[key] || key, values);
 const rows = new Map();
-const problems = {files: "", request: ""};    // that of a request stays until the next click
-let isHeld = false, watched = null, scene = "", drawing = null, before = null, latest = null, arrived = 0, isLooking = false;
+const problems = {files: "", request: ""};    // `request` stays until the next click
+let isPaused = false, watched = null, scene = "", drawing = null, before = null, latest = null, arrived = 0, isLooking = false;
 
 const server = new Connection(socketAddress(), {
   receive: answer => {
@@ -37,54 +37,54 @@ function showProblems() {
   byId("problem").textContent = words; byId("problem").hidden = !words;
 }
 
-/** Sends what the researcher clicked. */
+/** Sends an action of the researcher. */
 function order(message) { problems.request = ""; server.send(message); }
 
 // ---- participants
 
-function showOverview({participants, isHeld: held, open}) {
-  isHeld = held;
-  byId("hold").textContent = t(held ? "researcher.release" : "researcher.hold");
-  byId("hold").setAttribute("aria-pressed", held);
-  const here = participants.filter(one => one.isOpen).length, all = participants.length;
-  const finished = participants.filter(one => one.kind === "thanks").length;
-  byId("summary").textContent = held ? t("researcher.held") : t("researcher.summary", {here, all, finished});
+function showOverview({participants, isStudyPaused, open}) {
+  isPaused = isStudyPaused;
+  byId("pause").textContent = t(isPaused ? "researcher.resume" : "researcher.pause");
+  byId("pause").setAttribute("aria-pressed", isPaused);
+  const here = participants.filter(participant => participant.isOpen).length, all = participants.length;
+  const finished = participants.filter(participant => participant.kind === "thanks").length;
+  byId("summary").textContent = isPaused ? t("researcher.paused") : t("researcher.summary", {here, all, finished});
   byId("open").value = `${base}/j/${open}`;
-  for (const one of participants) showRow(one);
+  participants.forEach(showRow);
 }
 
-function showRow(one) {
-  if (!rows.has(one.id)) addRow(one);
-  const {cells, row} = rows.get(one.id), [done, total] = one.progress;
-  const now = one.lastEvent || one.isOpen ? [t(KINDS[one.kind]), ["thanks", "declined"].includes(one.kind) ? "" : `(${one.step})`]
+function showRow(participant) {
+  if (!rows.has(participant.id)) addRow(participant);
+  const {cells, row} = rows.get(participant.id), [done, total] = participant.progress;
+  const now = participant.lastEvent || participant.isOpen ? [t(KINDS[participant.kind]), ["thanks", "declined"].includes(participant.kind) ? "" : `(${participant.step})`]
     : [t("researcher.not_begun")];
-  if (one.isOpen && STATES[one.status]) now.push(`· ${t(STATES[one.status])}`);
-  const open = t(one.isOpen ? "researcher.online" : "researcher.offline");
+  if (participant.isOpen && STATES[participant.status]) now.push(`· ${t(STATES[participant.status])}`);
+  const open = t(participant.isOpen ? "researcher.online" : "researcher.offline");
   const texts = {
     step: now.join(" "),
     progress: `${done} / ${total}`,
-    runs: one.runs.join(" / "),
-    connection: one.isOpen && one.roundTrip !== null ? `${open} · ${Math.round(one.roundTrip * 1000)} ms` : open,
-    lastEvent: one.lastEvent ? new Date(one.lastEvent).toLocaleString(document.documentElement.lang) : "",
+    runs: participant.runs.join(" / "),
+    connection: participant.isOpen && participant.roundTrip !== null ? `${open} · ${Math.round(participant.roundTrip * 1000)} ms` : open,
+    lastEvent: participant.lastEvent ? new Date(participant.lastEvent).toLocaleString(document.documentElement.lang) : "",
   };
   for (const [name, text] of Object.entries(texts)) if (cells[name].textContent !== text) cells[name].textContent = text;
-  row.classList.toggle("online", one.isOpen);
+  row.classList.toggle("online", participant.isOpen);
 }
 
-function addRow(one) {
+function addRow(participant) {
   const cells = Object.fromEntries(Object.keys(COLUMNS).map(name => [name, make("td")]));
-  const choose = make("button", {"aria-pressed": "false", onclick: () => watch(one.id)}, one.id);
+  const choose = make("button", {"aria-pressed": "false", onclick: () => watch(participant.id)}, participant.id);
   cells.participant.append(choose);
-  if (one.token) {
-    const field = make("input", {readonly: true, value: `${base}/s/${one.token}`, "aria-label": `${t("researcher.link")} ${one.id}`, onfocus: () => field.select()});
+  if (participant.token) {
+    const field = make("input", {readonly: true, value: `${base}/s/${participant.token}`, "aria-label": `${t("researcher.link")} ${participant.id}`, onfocus: () => field.select()});
     cells.link.append(make("span", {class: "link"}, field, copyButton(field)));
   }
   const row = make("tr", {}, ...Object.values(cells));
-  rows.set(one.id, {cells, row, choose});
+  rows.set(participant.id, {cells, row, choose});
   byId("rows").append(row);
 }
 
-/** A button that copies a link; browsers allow it on this machine and with HTTPS only. */
+/** A button that copies a link; null where the browser forbids it: without HTTPS, except on this machine. */
 function copyButton(field) {
   if (!navigator.clipboard) return null;
   const button = make("button", {onclick: async () => {
@@ -145,17 +145,11 @@ function showAgreement(blocks) {
 // ---- the page
 
 byId("columns").append(...Object.values(COLUMNS).map(key => make("th", {scope: "col"}, t(key))));
-const TEXTS = {"live-title": "researcher.live", "live-text": "researcher.nobody", "agreement-title": "researcher.agreement", export: "researcher.export",
-  "export-personal": "researcher.export_personal", "open-label": "researcher.open_link", add: "researcher.add"};
-for (const [id, key] of Object.entries(TEXTS)) byId(id).textContent = t(key);
-byId("new").querySelector("label").textContent = t("researcher.count");
 byId("export").href = location.pathname.replace(/\/$/, "") + "/export.zip";
 byId("export-personal").href = byId("export").href + "?personal=1";
-byId("canvas").setAttribute("aria-label", t("researcher.live"));
-byId("screen").hidden = true;
 const copyOpen = copyButton(byId("open"));
 if (copyOpen) byId("open").after(copyOpen);
-byId("hold").addEventListener("click", () => order({type: "hold", value: !isHeld}));
+byId("pause").addEventListener("click", () => order({type: "pause_study", value: !isPaused}));
 byId("new").addEventListener("submit", event => {
   event.preventDefault();
   order({type: "add", count: Number(byId("number").value)});

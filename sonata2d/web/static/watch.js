@@ -1,4 +1,4 @@
-// Watching a recorded run before it is rated.
+// Playback of a recorded run, which is watched to its end before it is rated.
 
 import {SceneDrawing, fitted, stateBetween} from "./drawing.js";
 
@@ -38,7 +38,7 @@ export class Watch {
     this.last = now;
     if (this.shown === null) return;
     if (this.isPlaying && !document.hidden) {
-      this.seconds += Math.min(seconds, .1);      // a page that was hidden has not been watched
+      this.seconds += Math.min(seconds, .1);      // the time while the page was hidden does not count
       this.moment = Math.min(this.moment + Math.min(seconds, .1) / this.data.dt, this.end);
       if (this.moment >= this.end) { this.isPlaying = false; this.isWhole = true; }
       this.changed();

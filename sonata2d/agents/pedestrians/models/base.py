@@ -1,4 +1,4 @@
-"""What the pedestrian models share: input, interface, driving force, side bias, and walls.
+"""Common parts of the pedestrian models: input, interface, driving force, side bias, and walls.
 
 The models are kernels (`core.compiled`). A kernel computes the acceleration of one agent i after the other and calls a
 subroutine for each term. Forces of neighbours j and of barriers are added one by one in the scene's order: the order
@@ -32,8 +32,8 @@ class Walkers(NamedTuple):
         position: (M, 2), m.
         velocity: (M, 2), m/s.
         desired_direction: (M, 2), unit vectors towards the next waypoint; zero for agents that stand.
-        body_direction: (M, 2), unit vectors of the direction in which the feet point: that of the shoulders, unless
-            they are turned in a narrow gap.
+        body_direction: (M, 2), unit vectors of the direction in which the feet point, and the shoulders unless they are
+            turned in a narrow gap.
         desired_speed: (M,), m/s.
         radius: (M,), m.
         walks: (M,) of bool, the agents whose accelerations are used. The others are there to be avoided; a model may
@@ -70,7 +70,7 @@ class Walkers(NamedTuple):
 
 
 def evaluations_per_tick(evaluations: int, dt: float) -> int:
-    """How often to evaluate the forces in a tick.
+    """Number of evaluations of the forces in a tick.
 
     Args:
         evaluations: in 0.1 s, see `PedestrianModel`; 1 for a model that is not stiff.
@@ -338,7 +338,7 @@ def offset_of_group(walkers: Walkers, i: int) -> tuple[float, float, float]:
 
 @subroutine
 def attention_to(walkers: Walkers, i: int, j: int) -> float:
-    """How much agent i attends to agent j, in [0, 1]; 0 if j is not among its neighbours."""
+    """Attention of agent i to agent j, in [0, 1]; 0 if j is not among its neighbours."""
     low, high = walkers.neighbour_start[i], walkers.neighbour_start[i + 1]
     while low < high:  # binary search in the ascending list
         middle = (low + high) // 2

@@ -16,7 +16,7 @@ class Farina2017(NamedTuple):
     """Parameters, chosen by the authors. They draw masses from 60 to 90 kg; the mean is used here.
 
     Source: Farina, Fontanelli, Garulli, Giannitrapani & Prattichizzo, PLoS ONE 12(1) (2017) e0169734; the group's
-    distances are those of the program that the authors published.
+    distances are from the program that the authors published.
     """
 
     contact: Helbing2000 = Helbing2000(mass=75.0)  # A, B, k1, k2, m, τ

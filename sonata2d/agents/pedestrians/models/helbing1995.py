@@ -37,7 +37,7 @@ PARAMETERS = Helbing1995()
 
 @subroutine
 def step_direction(walkers: Walkers, i: int) -> Vector:
-    """Unit vector along which an agent steps and sees: its desired direction, or that of its body if it stands."""
+    """Unit vector along which an agent steps and sees: its desired direction, or its heading if it stands."""
     x, y = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
     if x == 0.0 and y == 0.0:
         return walkers.body_direction[i, 0], walkers.body_direction[i, 1]

@@ -134,7 +134,7 @@ def interaction_acceleration(
 
 @subroutine
 def excess_radius_of(radius: float, other_radius: float) -> float:
-    """How much the radii of a pair exceed those of the people that the model was fitted to, m."""
+    """Excess of the radii of a pair over the radii of the people that the model was fitted to, m."""
     return max(radius + other_radius - 2.0 * MEASURED_RADIUS, 0.0)
 
 

@@ -238,7 +238,7 @@ def group_velocity(
         What is added to the desired velocity (x, y), m/s, zero for an agent without a group; and the factor of the
         desired speed, in [0, 1], below 1 for those who wait.
 
-    Source: the aims are those of Moussaïd et al., PLoS ONE 5 (2010) e10047; the formula is ours.
+    Source: the aims are from Moussaïd et al., PLoS ONE 5 (2010) e10047; the formula is ours.
     """
     p, limit = parameters, MAXIMUM_GROUP_DISTANCE
     if walkers.group[i] < 0:
@@ -348,7 +348,7 @@ def steer(
     Returns:
         Direction (x, y), a unit vector or zero, and speed, m/s.
 
-    Source: the idea is that of Moussaïd, Helbing & Theraulaz, PNAS 108 (2011) 6884; gaps instead of lines of sight.
+    Source: the idea is from Moussaïd, Helbing & Theraulaz, PNAS 108 (2011) 6884; gaps instead of lines of sight.
     """
     p, ex, ey = parameters, direction[0], direction[1]
     free_speed, future_speed = math.inf, math.inf
@@ -401,7 +401,7 @@ def steer(
 
 
 class Memory(NamedTuple):
-    """What the model remembers of each agent, for the kernel.
+    """Memory of the model for each agent, for the kernel.
 
     Attributes:
         generator: (M,) of int, state of its random number generator.
@@ -415,7 +415,7 @@ class Memory(NamedTuple):
 
 
 _MULTIPLIER, _INCREMENT, _MASK = 1664525, 1013904223, 0xFFFFFFFF  # of the generator, modulo 2^32
-_DRAWS = 4  # uniform numbers whose sum is nearly normal
+_UNIFORM_DRAWS = 4  # uniform numbers whose sum is nearly normal
 
 
 @subroutine
@@ -430,14 +430,14 @@ def deviate(memory: Memory, i: int, keep: float) -> float:
     Returns:
         The deviation, in standard deviations.
 
-    Source: the generator is that of Press et al., Numerical Recipes, section 7.1.
+    Source: the generator is from Press et al., Numerical Recipes, section 7.1.
     """
     total, state = 0.0, memory.generator[i]
-    for _ in range(_DRAWS):
+    for _ in range(_UNIFORM_DRAWS):
         state = (_MULTIPLIER * state + _INCREMENT) & _MASK
         total += state / 2147483648.0 - 1.0  # uniform in [-1, 1), of variance 1/3
     memory.generator[i] = state
-    kick = math.sqrt((1.0 - keep * keep) * 3.0 / _DRAWS)
+    kick = math.sqrt((1.0 - keep * keep) * 3.0 / _UNIFORM_DRAWS)
     memory.deviation[i] = keep * memory.deviation[i] + kick * total
     return float(memory.deviation[i])
 
@@ -587,7 +587,7 @@ class Sonata2026Model(KernelModel):
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
         self._parameters = pack(PARAMETERS)  # read here, so that `benchmarks/calibrate.py` can replace it
-        self._seeds, self._ids = (scene.seed, scene.episode), [human.id for human in scene.humans]
+        self._seeds, self._ids = (scene.seed, scene.episode), scene.human_table.id.tolist()
         self._memory = Packed(Memory(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)))
 
     def acceleration(self, walkers: Walkers) -> Array:
@@ -606,7 +606,7 @@ class Sonata2026Model(KernelModel):
         return acceleration
 
     def _add_agents(self, count: int) -> None:
-        """Extend the memory to a number of agents, which may exceed that of the humans: a robot can be one."""
+        """Extend the memory to a number of agents, which may exceed the number of humans: a robot can be an agent."""
         known, ids = self._memory.value, self._ids
         others = range(max(ids, default=0) + 1, max(ids, default=0) + 1 + max(count - len(ids), 0))
         streams = AgentStreams(*self._seeds, "deviations", [*ids, *others])

@@ -1,4 +1,4 @@
-"""`SocialDynamics`: what pedestrians do besides walking: visits, conversations, pauses, seats, queues, exits."""
+"""`SocialDynamics`: activities of pedestrians besides walking: visits, conversations, pauses, seats, queues, exits."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class SocialDynamics:
         humans = scene.humans
         self._scene, self._social, self._wayfinding = scene, social, wayfinding
         self._settings, self._dt = scene.social, scene.rules.dt
-        self._rng = AgentStreams(scene.seed, scene.episode, "company", [human.id for human in humans])
+        self._rng = AgentStreams(scene.seed, scene.episode, "company", scene.human_table.id.tolist())
         grouped = {member for group in scene.groups if group.kind == "walking" for member in group.members}
         self._is_grouped = [human.id in grouped for human in humans]
         has_own_path = ("walking", "recorded")
@@ -292,7 +292,7 @@ class SocialDynamics:
                     self._wayfinding.send_to(follower, position, self._tasks[follower].position)
 
     def _start_exit(self, k: int, position: Point) -> bool:
-        """Send pedestrian k, and those that follow it, to a door; False if there is none that they can reach."""
+        """Send pedestrian k and its followers to a door; False if they can reach no door."""
         door = self._exits.choose(self._rng[k], self._scene.humans[k])
         if door is None:
             return False
@@ -320,17 +320,18 @@ class SocialDynamics:
         """
         has_walked = k in self._has_walked
         self._has_walked.add(k)
+        # At the start everybody walks first; followers of a group have no choice of their own.
         if self._tick == 0 or not (self._may_take_part[k] or self._may_lead_out(k)):
             return False
         kind = self._draw_kind(k)
         if kind is None or (kind == self._last.get(k) and not has_walked):
             return False
-        if kind == "exit":
+        if kind == "exit":  # the only task that a whole group takes
             return self._start_exit(k, position)
         if not self._may_take_part[k] or (kind in ("visit", "talk") and not has_walked):
             return False
         tasks = [task for task in self._tasks_of(kind, k, position) if self._is_unclaimed(task.position, kind)]
-        if not tasks:
+        if not tasks:  # without a draw: the pedestrian wanders on
             return False
         task = self._rng[k].choice(tasks)
         task.until = self._tick + int(APPROACH_TIME / self._dt)
@@ -344,7 +345,7 @@ class SocialDynamics:
         return self._is_grouped[k] and self._scene.humans[k].behaviour == "wandering" and self._social.stays[k]
 
     def _draw_kind(self, k: int) -> Kind | None:
-        """What pedestrian k wants to do next; None: walk to another place."""
+        """Draw the kind of the next task of pedestrian k; None: it walks to another place."""
         settings, draw = self._settings, self._rng[k].uniform()
         chances: tuple[tuple[Kind, float], ...] = (
             ("visit", settings.visits), ("talk", settings.joins), ("sit", settings.sits), ("queue", settings.queues),
@@ -436,6 +437,7 @@ class SocialDynamics:
         if len(candidates) < 2:
             return
         count = len(walkers.position)
+        # All pairs of neighbours, as numbers i N + j.
         first = np.repeat(np.arange(count), np.diff(walkers.neighbour_start))
         second = walkers.neighbour[: len(first)]
         x, y = (walkers.position[second, axis] - walkers.position[first, axis] for axis in (0, 1))
@@ -443,10 +445,12 @@ class SocialDynamics:
         near, meeting = (
             pair[(first < second) & (square < limit * limit)].tolist() for limit in (SEPARATION, MEETING_DISTANCE)
         )
+        # A pair is asked once per encounter; pairs that are near at the start have met already.
         have_met = set(near) if self._have_met is None else self._have_met.intersection(near)
         self._have_met = have_met.union(meeting)
         able, stopped = set(candidates), set[int]()
         for i, j in (divmod(pair, count) for pair in meeting if pair not in have_met):
+            # Nobody stops for two others in the same tick.
             is_possible = {i, j} <= able and not {i, j} & stopped
             if is_possible and self._rng[i].uniform() < self._settings.meets and self._stop_to_talk(i, j):
                 stopped |= {i, j}

@@ -38,7 +38,7 @@ class SocialArrays(NamedTuple):
 
 
 class SocialState:
-    """What each pedestrian is doing; it can change during an episode. Rows are in the scene's order.
+    """Present activity of each pedestrian, which changes during an episode. Rows are in the scene's order.
 
     Args:
         scene: the initial state.
@@ -49,7 +49,7 @@ class SocialState:
         facing_point: (N, 2), m, the point that a standing pedestrian without a partner faces.
         has_object: (N,) of bool, pedestrians that attend to an object, which is then their facing point.
         keeps_facing: (N,) of bool, members of an unchanged initial formation: they keep their initial facing point.
-        interactions: the present ones, including those of absent pedestrians.
+        interactions: the present ones, including interactions of absent pedestrians.
         activity: (N,) of int, into `humans.ACTIVITIES`.
         partners: for each pedestrian, the indices of the present pedestrians that it talks or walks with.
         arrays: the state for kernels.
@@ -60,8 +60,7 @@ class SocialState:
 
     def __init__(self, scene: Scene) -> None:
         humans = scene.humans
-        self._index = {human.id: k for k, human in enumerate(humans)}
-        self._ids = [human.id for human in humans]
+        self._index, self._ids = scene.human_table.row, scene.human_table.id.tolist()
         self._radius = [human.shape.circumradius for human in humans]  # standing people turn
         self._object_positions = {thing.id: thing.pose.position for thing in scene.furniture}
         self.is_walking = np.array([human.walks_at_start for human in humans], dtype=bool)
@@ -70,7 +69,7 @@ class SocialState:
             for h in humans
         ]
         self._is_brief = [False] * len(humans)
-        self.standing_position = np.array([human.pose.position for human in humans], dtype=float).reshape(-1, 2)
+        self.standing_position = scene.human_table.position.copy()
         direction = np.array([human.pose.direction for human in humans], dtype=float).reshape(-1, 2)
         self.facing_point = self.standing_position + 3.0 * direction
         self.has_object = np.zeros(len(humans), dtype=bool)

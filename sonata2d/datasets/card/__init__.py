@@ -1,0 +1,1 @@
+"""The data card of a data set: README.md for readers and Hugging Face, and Croissant metadata."""

@@ -1,0 +1,102 @@
+"""The text of a data card: computes what the template README.md.jinja shows."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from functools import cache
+from typing import Any
+
+from ...record.layout import JsonDict
+from ..manifest.names import SCENARIO
+from ..summaries import totals_of
+from .markdown import cell, code, code_block, inline
+
+_SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
+
+
+@cache
+def template(name: str) -> Any:
+    """A template of this package; its filters make text of any origin safe in Markdown and JSON."""
+    from jinja2 import Environment, PackageLoader
+
+    loader = PackageLoader(__package__, ".")
+    environment = Environment(loader=loader, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
+    environment.filters |= {"inline": inline, "code": code, "cell": cell, "code_block": code_block, "json": _json}
+    return environment.get_template(name)
+
+
+def _json(value: object) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def card_text(manifest: JsonDict, licence: str | None = None) -> str:
+    """The text of a card, from the manifest alone.
+
+    Args:
+        manifest: manifest of the data set.
+        licence: as of `write_card`; by default `cc-by-4.0`, or `other` for recorded pedestrians.
+    """
+    totals = totals_of(manifest["files"])
+    sources = manifest.get("sources") or []
+    # A mirrored source repeats the selection of its original, so it gets a section only where no original is merged.
+    originals = [source for source in sources or [manifest] if not source.get("mirrored")] or sources or [manifest]
+    recorded, listed = recorded_count(manifest)
+    text: str = template("README.md.jinja").render(
+        manifest=manifest,
+        title=title_of(manifest),
+        licence=licence or default_licence(manifest),
+        size=next((name for limit, name in _SIZES if totals.episodes < limit), "n>1M"),
+        sources=sources,
+        originals=originals,
+        recorded=recorded,
+        listed=listed,
+        pedestrians=pedestrian_kinds(manifest),
+        drivers=len(manifest["counts"].get("contributor") or ()),
+        controller=(manifest["controller"] or {}).get("path", ""),
+        command=_generating_command(manifest),
+        episodes=totals.episodes,
+        frames=totals.frames,
+        contacts=totals.contacts,
+        excess=totals.excess,
+    )
+    return text
+
+
+def _generating_command(manifest: JsonDict) -> str:
+    """The command that generates a data set again, quoted for a shell."""
+    arguments = ["--scenario", SCENARIO, "--seed", manifest["seed"], "--episodes", manifest["episodes"]]
+    arguments += ["--controller", (manifest["controller"] or {}).get("path", "")]
+    arguments += [argument for status in manifest.get("keep") or () for argument in ("--keep", status)]
+    return shlex.join(["sonata2d", "generate", "AGAIN", *map(str, arguments)])
+
+
+def title_of(manifest: JsonDict) -> str:
+    """The title of a data set."""
+    count = len(manifest["files"])
+    title = f"sonata2d {manifest['name']}, seed {manifest['seed']}"
+    if manifest.get("collected"):
+        title = f"sonata2d, {count} runs driven by people"
+    if manifest.get("sources"):
+        title = f"sonata2d, {count} episodes of {len(manifest['sources'])} data sets"
+    return f"{title}, mirrored" if manifest.get("mirrored") else title
+
+
+def recorded_count(manifest: JsonDict) -> tuple[int, int]:
+    """Number of pedestrians with a recorded track, and of all pedestrians listed in the scenarios of a data set."""
+    sources = manifest.get("sources") or [manifest]
+    people = [person for source in sources for person in (source["settings"] or {}).get("people", ())]
+    return sum(bool(person.get("track")) for person in people), len(people)
+
+
+def default_licence(manifest: JsonDict) -> str:
+    """Licence identifier; recordings of people have terms of their own, so theirs is `other`."""
+    return "other" if recorded_count(manifest)[0] else "cc-by-4.0"
+
+
+def pedestrian_kinds(manifest: JsonDict) -> str:
+    """The kinds of pedestrians in a data set: simulated, recorded, or both."""
+    recorded, listed = recorded_count(manifest)
+    if not recorded:
+        return "simulated pedestrians"
+    return "recorded pedestrians" if recorded == listed else "recorded and simulated pedestrians"

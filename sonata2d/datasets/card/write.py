@@ -1,0 +1,185 @@
+"""Writes the data card of a data set, README.md, and the Croissant metadata beside it, and recognises edited cards."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ...core.files.locations import location
+from ...errors import DatasetWarning, RecordError
+from ...record.files import read_bytes, read_stored, read_text, write_atomically
+from ...record.layout import JsonDict
+from ...record.models import Settings
+from ...record.shard_file import is_shard
+from ..manifest.names import CARD, CROISSANT, MANIFEST, SCENARIO
+from ..manifest.rows import listing, read_manifest, warn_if_incomplete
+from ..manifest.write import json_bytes, write_json
+from .croissant import Publication, croissant_metadata, stored_publication
+from .text import card_text, default_licence
+
+_SEAL = re.compile(r"<!-- written by sonata2d, SHA-256 of the text above: ([0-9a-f]{64}) -->\n")
+
+
+def write_manifest_and_card(folder: Path, manifest: JsonDict, *, licence: str | None = None) -> None:
+    """Write the data card, Croissant metadata if the folder has any, and last the manifest: they always agree.
+
+    Statements of the author about the data set (licence, date, …) stay. A card that the author edited is not replaced.
+
+    Args:
+        folder: folder of the data set.
+        manifest: the new manifest.
+        licence: of a data set that is derived from others; None: the one chosen for the folder, or the default.
+
+    Raises:
+        RecordError: a file cannot be written, or the file of the settings is damaged.
+
+    Warns:
+        DatasetWarning: the card was edited, or `croissant.json` states a value that is not kept.
+    """
+    _require_no_shard(folder)
+    data, described = json_bytes(manifest), _with_settings(folder, manifest)
+    stored = stored_publication(folder)
+    licence = licence or _chosen_licence(folder, stored) or default_licence(described)
+    is_edited = has_edited_card(folder)
+    if not is_edited:
+        _write_text(folder, card_text(described, licence))
+    if (folder / CROISSANT).is_file():
+        _write_metadata(folder, described, data, replace(stored, licence=licence))
+    write_atomically(folder / MANIFEST, data)
+    if is_edited:
+        message = f"{folder / CARD} was edited, so it stays as it is; write it again with `sonata2d card`"
+        warnings.warn(message, DatasetWarning, stacklevel=2)
+
+
+def _require_no_shard(folder: Path) -> None:
+    if is_shard(folder):
+        raise RecordError(f"{folder} is a shard, whose manifest and card stay; name the folder of its data set")
+
+
+def write_card(
+    folder: str | Path,
+    *,
+    licence: str | None = None,
+    date: str | None = None,
+    version: str | None = None,
+    creator: str | None = None,
+    organisation: bool | None = None,
+    url: str | None = None,
+) -> Path:
+    """Write the card of a data set, and Croissant metadata beside it.
+
+    A card that was edited is replaced as well.
+
+    Args:
+        folder: folder of the data set.
+        licence: identifier as on Hugging Face, or an https address; by default the one that was chosen before, else
+            `cc-by-4.0`, or `other` for recorded pedestrians.
+        date: date of publication, YYYY-MM-DD; by default, as for the following, what was stated before, else nothing.
+        version: MAJOR.MINOR.PATCH; at first 1.0.0.
+        creator: name of the person or organisation that made the data set.
+        organisation: whether the creator is an organisation; by default, a stated creator is a person.
+        url: page of the data set.
+
+    Returns:
+        The path of the card.
+
+    Raises:
+        ConfigError: the licence, the date, the version or the address does not have its form.
+        RecordError: the folder is not a data set.
+    """
+    folder = location(folder)
+    _require_no_shard(folder)
+    manifest = _with_settings(folder, read_manifest(folder))
+    warn_if_incomplete(folder, manifest)
+    if creator is not None:
+        organisation = bool(organisation)  # what was stated of another creator does not hold for this one
+    stored = stored_publication(folder)
+    chosen = licence or _chosen_licence(folder, stored) or default_licence(manifest)
+    statements: dict[str, Any] = {
+        "date": date, "version": version, "creator": creator, "organisation": organisation, "url": url,
+    }  # fmt: skip
+    stated = {name: value for name, value in statements.items() if value is not None}
+    _write_metadata(folder, manifest, read_stored(folder / MANIFEST), replace(stored, licence=chosen, **stated))
+    _write_text(folder, card_text(manifest, chosen))
+    return folder / CARD
+
+
+def _write_metadata(folder: Path, manifest: JsonDict, data: bytes, publication: Publication) -> None:
+    """Write Croissant metadata.
+
+    Args:
+        folder: folder of the data set.
+        manifest: with the settings.
+        data: bytes of the manifest file.
+        publication: with a licence.
+    """
+    metadata = croissant_metadata(manifest, hashlib.sha256(data).hexdigest(), publication)
+    write_json(folder / CROISSANT, metadata)
+
+
+def _write_text(folder: Path, text: str) -> None:
+    """Write the card; its last line is a hash of the others, by which `has_edited_card` recognises it."""
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    seal = f"\n<!-- written by sonata2d, SHA-256 of the text above: {digest} -->\n"
+    write_atomically(folder / CARD, (text + seal).encode())
+
+
+def has_edited_card(folder: Path) -> bool:
+    """Whether the card is not as sonata2d wrote it: it is edited, or was written by hand."""
+    path = folder / CARD
+    if not path.is_file():
+        return False
+    text, _, last = read_text(path).rpartition("\n<!--")
+    found = _SEAL.fullmatch(f"<!--{last}")
+    return found is None or hashlib.sha256(text.encode()).hexdigest() != found[1]
+
+
+def _chosen_licence(folder: Path, publication: Publication) -> str | None:
+    """The licence that an author chose for a data set; None if it has the default one, or has no manifest yet."""
+    stored = publication.licence
+    if stored is None or not (folder / MANIFEST).is_file():
+        return None
+    return stored if stored != default_licence(_with_settings(folder, read_manifest(folder))) else None
+
+
+def licence_of(folder: Path) -> str:
+    """The licence of a data set."""
+    chosen = _chosen_licence(folder, stored_publication(folder))
+    return chosen or default_licence(_with_settings(folder, read_manifest(folder)))
+
+
+def count_differences(folder: Path, manifest: JsonDict) -> list[str]:
+    """Differences between the counts in a card and in a manifest; none for a card without counts."""
+    text = read_text(folder / CARD)
+    table = re.search(r"^\| outcome \| episodes \|\n\| -.*\n((?:\|.*\n)*)", text, re.MULTILINE)
+    frames = re.search(r"^(\d+) frames in (?:total|all)\.", text, re.MULTILINE)
+    differences = []
+    if table:
+        stated = {name: int(count) for name, count in re.findall(r"^\| (.+?) \| (\d+) \|$", table[1], re.MULTILINE)}
+        if stated != manifest["counts"]["outcome"]:
+            differences.append(f"states the outcomes {stated}, the manifest {manifest['counts']['outcome']}")
+    total = sum(row["ticks"] for row in listing(manifest))  # the rows of shards have the sums of their episodes
+    if frames and int(frames[1]) != total:
+        differences.append(f"states {frames[1]} frames, the manifest {total}")
+    return differences
+
+
+def _with_settings(folder: Path, manifest: JsonDict) -> JsonDict:
+    """The manifest; for collected runs with the initial settings, which tell whether pedestrians are recorded.
+
+    Raises:
+        RecordError: the file of the settings is damaged.
+    """
+    path = folder / SCENARIO
+    if not manifest.get("collected") or not path.exists():
+        return manifest
+    from pydantic import TypeAdapter, ValidationError
+
+    try:
+        return manifest | {"settings": TypeAdapter(Settings | None).validate_json(read_bytes(path))}
+    except ValidationError as error:
+        raise RecordError(f"{path} does not hold the settings of a scenario: {error.errors()[0]['msg']}") from None

@@ -1,0 +1,1 @@
+"""Checks of episode files and data sets, and runs of recorded episodes again."""

@@ -1,0 +1,134 @@
+"""Checks episode files: schema, plausibility of the numbers, and agreement with the manifest that lists them."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...core.files.locations import location
+from ...errors import InvalidFileError, RecordError
+from ...record.files import file_exists, read_bytes, sha256_of
+from ...record.layout import JsonDict
+from ...record.reader import read_episode
+from ...record.record import EpisodeRecord
+from ..manifest.names import MANIFEST
+from ..manifest.write import row_of
+from .plausibility import implausible_values
+
+_MAXIMUM_FINDINGS = 20  # of the reader, reported per file
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """A problem in a file of a data set.
+
+    Attributes:
+        file: file name.
+        place: key in the file, such as `frames.3.robot`, or the name of a check.
+        message: what is wrong.
+        is_warning: whether the data can be read and reproduced nevertheless.
+    """
+
+    file: str
+    place: str
+    message: str
+    is_warning: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.file}: {self.place}: {'warning: ' if self.is_warning else ''}{self.message}"
+
+
+@dataclass(frozen=True, slots=True)
+class ListedFile:
+    """An episode file or a shard of a data set, with what the manifest states about it.
+
+    Attributes:
+        path: location of the file.
+        entry: row of the file in the manifest.
+        shared: keys of the document, or of the shard's manifest, that all files of a source have in common, with their
+            values.
+    """
+
+    path: Path
+    entry: JsonDict
+    shared: JsonDict
+
+
+def check_episode(path: str | Path) -> list[Problem]:
+    """Problems of an episode file; an empty list if there are none.
+
+    Checks the schema, then the plausibility of the numbers (`plausibility.implausible_values`).
+    """
+    record, problems = open_to_check(location(path))
+    return problems if record is None else check_record(record)
+
+
+def check_listed(file: ListedFile) -> list[Problem]:
+    """Problems of a listed file: differences from the manifest, then the problems of `check_episode`."""
+    record, problems = open_to_check(file)
+    return problems if record is None else check_record(record, file)
+
+
+def open_to_check(file: Path | ListedFile) -> tuple[EpisodeRecord | None, list[Problem]]:
+    """The content of a file; or None, and why it cannot be checked."""
+    listed = file if isinstance(file, ListedFile) else None
+    path = file if isinstance(file, Path) else file.path
+    if listed and not file_exists(path):
+        return None, [Problem(MANIFEST, "files", f"{listed.entry['name']} is listed but not in the folder")]
+    try:
+        return read_episode(path), []
+    except InvalidFileError as error:
+        problems = [Problem(path.name, *finding) for finding in error.findings[:_MAXIMUM_FINDINGS]]
+        if (rest := len(error.findings) - _MAXIMUM_FINDINGS) > 0:
+            problems.append(Problem(path.name, "schema", f"{rest} more problems"))
+        if listed and sha256_of(path) != listed.entry["sha256"]:
+            problems.insert(0, Problem(path.name, "sha256", "differs from the manifest"))
+        return None, problems
+    except RecordError as error:
+        return None, [Problem(path.name, "file", str(error))]
+
+
+def check_record(record: EpisodeRecord, file: ListedFile | None = None) -> list[Problem]:
+    """Problems of an episode; if its file is listed in a manifest, also differences from the manifest."""
+    implausible = [Problem(record.path.name, *finding) for finding in implausible_values(record)]
+    return (_differences(record, file) if file else []) + repeated_keys(record.path) + implausible
+
+
+def _differences(record: EpisodeRecord, file: ListedFile) -> list[Problem]:
+    """Differences between a file and what the manifest states about it."""
+    name, entry = file.entry["name"], file.entry
+    actual = row_of(record) | {"name": name}  # with the name of its shard
+    problems = [
+        Problem(name, key, f"is {actual[key]}, the manifest says {entry[key]}")
+        for key in actual
+        if key in entry and actual[key] != entry[key]
+    ]
+    for key, value in file.shared.items():
+        if record.document[key] == value:
+            continue
+        is_id = key == "id"
+        message = f"is {record.id!r}, but the file's name says {value!r}" if is_id else "differs from the manifest"
+        problems.append(Problem(name, key, message))
+    return problems
+
+
+def repeated_keys(path: Path) -> list[Problem]:
+    """The first key that a JSON object of a file has twice: parsers use one of the values, and do not say which."""
+    found: list[str] = []
+
+    def note(pairs: list[tuple[str, object]]) -> dict[str, object]:
+        content = dict(pairs)
+        if len(content) < len(pairs):
+            found.extend(repeated(key for key, _ in pairs))
+        return content
+
+    json.loads(read_bytes(path), object_pairs_hook=note)
+    return [Problem(path.name, found[0], "is given twice; one of the values is ignored")] if found else []
+
+
+def repeated(names: Iterable[str]) -> list[str]:
+    """The names that occur more than once."""
+    return [name for name, count in Counter(names).items() if count > 1]

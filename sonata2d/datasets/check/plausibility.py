@@ -1,0 +1,314 @@
+"""Plausibility of a recorded episode: its numbers must be consistent with one another and physically possible.
+
+Ids, references and the lengths of rows are checked when a file is read, see `record.validate`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...core.entities import Furniture
+from ...core.geometry import Barriers, Disc, inside_polygon, segment_distances, shoulder_line_distances, shoulder_lines
+from ...core.humans import ACTIVITIES
+from ...core.portable_math import Array, BoolArray, unit_vectors
+from ...core.scene import Scene
+from ...core.vectors import wrap_angle
+from ...record.canonical import rounded_rows
+from ...record.layout import HUMAN_ANGLES, ROBOT_ANGLES
+from ...record.record import EpisodeRecord
+from ..motion import THETA, VX, VY, X, Y
+
+MAXIMUM_OVERLAP = 0.06  # m, of outlines: the physics detects a contact only after the bodies have moved
+ROUNDING = 2e-4  # m, m/s, rad/s: tolerance for numbers rounded to 1e-4
+HURRY_FACTOR, PUSH_SPEED = 1.3, 1.0  # a pedestrian reaches HURRY_FACTOR times the desired speed, pushed PUSH_SPEED more
+ROBOT_SPEED_TOLERANCE = 0.05  # m/s above the robot's limits
+# m/s, on top of half the top speed: tolerance between the displacement of a tick over dt and the mean velocity
+MOTION_TOLERANCE = 0.5
+PUSH_RANGE = 0.1  # m, clearance to a recorded pedestrian within which a push in the last tick is possible
+# Until physics version 2, contacts pushed the robot: a unicycle at a wall slipped sideways.
+NO_SLIP_SINCE = 3
+TURN_TOLERANCE = 0.05  # rad, between the rotation in a tick and the executed turn rate times dt
+
+_SITTING = ACTIVITIES.index("sitting")  # also while a pedestrian sits down and gets up
+
+Finding = tuple[str, str]  # place, message
+
+
+def implausible_values(record: EpisodeRecord) -> Iterator[Finding]:
+    """Everything implausible in an episode, as place and message."""
+    pushed = may_be_pushed(record)
+    yield from _check_rounding(record)
+    yield from _check_groups(record.scene())
+    yield from _check_time(record)
+    yield from _check_speeds(record, pushed)
+    yield from _check_motion(record, pushed)
+    yield from _check_robot(record)
+    yield from _check_room(record)
+    yield from _check_overlaps(record, pushed)
+    yield from _check_presence(record)
+    yield from _check_outcome(record)
+
+
+def _check_rounding(record: EpisodeRecord) -> Iterator[Finding]:
+    """Numbers must be in the canonical form of files, to the bit."""
+    states = record.states
+    rows_of: tuple[tuple[str, Array, list[int]], ...] = (
+        ("robot", states.robot, ROBOT_ANGLES),
+        ("humans", states.humans, HUMAN_ANGLES),
+        ("command", record.command, []),
+        ("executed", record.executed, []),
+    )
+    for key, rows, angles in rows_of:
+        values = np.nan_to_num(rows)
+        wrong = (rounded_rows(values, angles).view(np.int64) != values.view(np.int64)).any(axis=-1)
+        wrong |= (values[..., angles] > 3.1416).any(axis=-1)
+        for t in np.flatnonzero(wrong.reshape(len(values), -1).any(axis=1))[:1]:
+            yield f"frames.{t}.{key}", "a number is not rounded to 0.0001 or is -0.0, or an angle is out of range"
+
+
+def _check_groups(scene: Scene) -> Iterator[Finding]:
+    """Pedestrians must be members of the groups that they name."""
+    members = {group.id: group.members for group in scene.groups}
+    for human in scene.humans:
+        if human.group is not None and human.id not in members.get(human.group, ()):
+            yield "humans", f"human {human.id} names group {human.group} but is not a member of it"
+
+
+def _check_time(record: EpisodeRecord) -> Iterator[Finding]:
+    """Time must be tick * dt."""
+    ticks, time, dt = record.states.tick, record.states.time, record.scene().rules.dt
+    for t in np.flatnonzero(np.abs(time - ticks * dt) > ROUNDING)[:1]:
+        yield f"frames.{t}", f"time should be {ticks[t] * dt:.4f} s, is {time[t]} s"
+
+
+def _check_speeds(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
+    """Speeds must stay within the limits of the robot and the pedestrians."""
+    scene = record.scene()
+    limits, maximum_speed = scene.robot.limits, scene.robot.top_speed + ROBOT_SPEED_TOLERANCE
+    executed = np.hypot(record.executed[:, 0], record.executed[:, 1])
+    yield from _worst_tick(executed - maximum_speed, "executed", "the robot's drive", "m/s faster than its limits")
+    turning = np.abs(record.executed[:, 2]) - limits.turn - ROUNDING
+    yield from _worst_tick(turning, "executed", "the robot's drive", "rad/s of turning beyond its limits")
+    speed = np.hypot(record.states.humans[..., VX], record.states.humans[..., VY])
+    speed[pushed[:, :-1]] = 0.0
+    yield from _worst_tick_of_humans(speed - _maximum_speeds(scene), scene, "m/s faster than possible")
+
+
+def _maximum_speeds(scene: Scene) -> Array:
+    """(N,), m/s, of the pedestrians."""
+    # without the guard the robot may run into them
+    push = PUSH_SPEED if scene.rules.guard else PUSH_SPEED + scene.robot.top_speed
+    return HURRY_FACTOR * scene.human_table.desired_speed + push
+
+
+def _maximum_overlap(scene: Scene) -> float:
+    """Depth to which outlines may overlap, m.
+
+    Without the guard, the physics stops the robot, and the pedestrians that it pushes, up to one substep too late.
+    """
+    rules = scene.rules
+    return MAXIMUM_OVERLAP if rules.guard else MAXIMUM_OVERLAP + scene.robot.top_speed * rules.dt / rules.substeps
+
+
+def _check_motion(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
+    """Velocities must match the changes of the poses."""
+    scene, states = record.scene(), record.states
+    dt, limits = scene.rules.dt, scene.robot.limits
+    humans, robot = _unexplained_speed(states.humans, dt), _unexplained_speed(states.robot, dt)
+    exempt = pushed[1:] | pushed[:-1]
+    humans[exempt[:, :-1]] = robot[exempt[:, -1]] = 0.0
+    # without the guard, bodies that overlap are also moved apart
+    tolerance = MOTION_TOLERANCE + (0.0 if scene.rules.guard else 2.0 * _maximum_overlap(scene) / dt)
+    excess = humans - _maximum_speeds(scene) / 2 - tolerance
+    yield from _worst_tick_of_humans(excess, scene, "m/s of motion beyond what the velocities explain")
+    robot = robot - math.hypot(max(limits.ahead, limits.back), limits.sideways) / 2 - tolerance
+    yield from _worst_tick(robot, "robot", "the robot", "m/s of motion beyond what the velocities explain")
+    turned = (np.diff(states.robot[:, THETA]) - record.executed[:, 2] * dt + np.pi) % (2 * np.pi) - np.pi
+    turned = np.abs(turned) - TURN_TOLERANCE
+    yield from _worst_tick(turned, "robot", "the robot", "rad turned beyond what its turn rate explains")
+
+
+def _check_robot(record: EpisodeRecord) -> Iterator[Finding]:
+    """The robot must move as its drive does, and a unicycle along its heading.
+
+    The drive keeps its twist during a tick, so that a body which turns covers an arc: its displacement has the
+    direction of its mean heading, and is the arc times a factor between cos(half the angle) and 1. Where the guard or a
+    wall slows it during the tick, the displacement is up to half the angle off the mean heading.
+    """
+    if record.document["physics"] < NO_SLIP_SINCE:
+        return
+    scene, states, executed = record.scene(), record.states, record.executed
+    dt, theta = scene.rules.dt, states.robot[:, THETA]
+    half = np.minimum(np.abs(executed[:, 2]) * dt / 2, np.pi / 2)
+    ahead, left = _along(np.diff(states.robot[:, X : Y + 1], axis=0), theta[:-1] + executed[:, 2] * dt / 2)
+    is_unicycle, is_steady = scene.robot.kinematics == "unicycle", ~record.guarded & scene.rules.guard
+    # m; while a holonomic robot is slowed down, its path can be longer than its mean velocity says
+    arc = np.hypot(executed[:, 0], executed[:, 1]) * dt
+    if not is_unicycle:
+        arc = np.where(is_steady, arc, scene.robot.top_speed * dt)
+    rounding = ROUNDING * (1.0 + arc)  # the second part is for the angle
+    difference = np.hypot(ahead - executed[:, 0] * dt, left - executed[:, 1] * dt)
+    difference -= arc * np.where(is_steady, 1.0 - np.cos(half), 2.0 * np.sin(half / 2))
+    yield from _worst_tick(difference - rounding, "robot", "the robot", "m from where its drive led")
+    if is_unicycle:
+        sideways = np.abs(left) - np.where(is_steady, 0.0, arc * np.sin(half)) - rounding
+        yield from _worst_tick(sideways, "robot", "the robot, a unicycle,", "m off its heading")
+        yield from _worst_tick(np.abs(executed[:, 1]), "executed", "the robot, a unicycle,", "m/s fast sideways")
+        _, slip = _along(states.robot[:, VX : VY + 1], theta)
+        slip = np.abs(slip) - ROUNDING * (1.0 + np.hypot(states.robot[:, VX], states.robot[:, VY]))
+        yield from _worst_tick(slip, "robot", "the robot, a unicycle,", "m/s fast sideways")
+
+
+def _along(vectors: Array, theta: Array) -> tuple[Array, Array]:
+    """Components of (T, 2) vectors along and to the left of headings; (T,) each."""
+    c, s = np.cos(theta), np.sin(theta)
+    return vectors[:, 0] * c + vectors[:, 1] * s, vectors[:, 1] * c - vectors[:, 0] * s
+
+
+def _unexplained_speed(rows: Array, dt: float) -> Array:
+    """|displacement / dt - mean velocity| of each tick, m/s; rows (T + 1, ..., columns) to (T, ...)."""
+    position, velocity = rows[..., X : Y + 1], rows[..., VX : VY + 1]
+    difference = np.diff(position, axis=0) / dt - (velocity[1:] + velocity[:-1]) / 2
+    return np.hypot(difference[..., 0], difference[..., 1])
+
+
+def _check_room(record: EpisodeRecord) -> Iterator[Finding]:
+    """All centres must be inside the room."""
+    scene, positions = record.scene(), _positions(record)
+    inside = inside_polygon(np.nan_to_num(positions).reshape(-1, 2), scene.outline).reshape(positions.shape[:2])
+    outside = np.argwhere(~inside[:, :-1] & record.states.present)
+    if len(outside):
+        t, k = outside[0]
+        yield f"frames.{t}", f"human {scene.humans[k].id} is outside the room ({len(outside)} cases in total)"
+    if not inside[:, -1].all():
+        yield f"frames.{int(np.argmin(inside[:, -1]))}", "the robot is outside the room"
+
+
+def _check_overlaps(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
+    """Outlines must not overlap by more than `_maximum_overlap`."""
+    scene = record.scene()
+    maximum_overlap = _maximum_overlap(scene)
+    positions = np.where(pushed[..., None], np.nan, _positions(record))
+    directions, radii, shoulders = _bodies(record)
+    names = [*(f"human {human.id}" for human in scene.humans), "the robot"]
+    walls = Barriers.of([(wall.start, wall.end, 0.0) for wall in scene.walls])
+    for k, name in enumerate(names):
+        position, minimum_distance = positions[:, k], radii[k] - maximum_overlap
+        line = shoulder_lines(position, directions[:, k], shoulders[k])
+        if len(walls):
+            depth = minimum_distance - segment_distances(*line, walls).min(axis=0)
+            yield from _worst_tick(depth, "walls", name, "m too deep in a wall")
+        for thing in scene.furniture:
+            if thing.on is None:  # bodies do not collide with things on a table
+                depth = minimum_distance - _distance_to_outline(*line, thing)
+                if thing.is_seat and k < len(scene.humans):
+                    depth[record.states.activity[:, k] == _SITTING] = np.nan
+                yield from _worst_tick(depth, "objects", name, f"m too deep in {thing.type} {thing.id}")
+        offset = positions[:, k + 1 :] - position[:, None]
+        others = directions[:, k + 1 :], shoulders[k + 1 :]
+        distance = shoulder_line_distances(offset, directions[:, k, None], shoulders[k], *others)
+        depths = minimum_distance + radii[k + 1 :] - distance
+        for other in range(depths.shape[1]):
+            yield from _worst_tick(depths[:, other], "humans", name, f"m too deep in {names[k + 1 + other]}")
+
+
+def _check_presence(record: EpisodeRecord) -> Iterator[Finding]:
+    """Pedestrians must be absent before they enter and after they leave, and recorded ones must be on their track."""
+    states, ticks = record.states, np.arange(len(record) + 1)
+    for k, human in enumerate(record.scene().humans):
+        absent = (ticks < human.enters) | (ticks >= (np.inf if human.leaves is None else human.leaves))
+        for t in np.flatnonzero(states.present[:, k] & absent)[:1]:
+            yield f"frames.{t}.humans", f"human {human.id} is present before entering or after leaving"
+        if human.track:
+            track = np.array([human.track_position(t) for t in ticks.tolist()])
+            distance = np.hypot(*(states.humans[:, k, X : Y + 1] - track).T)
+            yield from _worst_tick(distance - ROUNDING, "humans", f"human {human.id}", "m off the recorded track")
+
+
+def may_be_pushed(record: EpisodeRecord) -> BoolArray:
+    """Whether each pedestrian, and the robot last, is recorded or touches a recorded one; (T + 1, N + 1).
+
+    Recorded pedestrians react to nothing and may push others, so limits on motion do not hold there.
+    """
+    scene, positions = record.scene(), _positions(record)
+    radii = np.array([*scene.human_table.circumradius, scene.robot.radius])
+    pushed = np.zeros(positions.shape[:2], dtype=bool)
+    for k, human in enumerate(scene.humans):
+        if human.behaviour == "recorded":
+            offset = positions - positions[:, k, None]
+            pushed |= np.hypot(offset[..., 0], offset[..., 1]) < radii + human.shape.circumradius + PUSH_RANGE
+            pushed[:, k] = True
+    return pushed
+
+
+def _positions(record: EpisodeRecord) -> Array:
+    """(T + 1, N + 1, 2), m, of the pedestrians and the robot, which is last; NaN where absent."""
+    states = record.states
+    return np.concatenate((states.humans[..., X : Y + 1], states.robot[:, None, X : Y + 1]), axis=1)
+
+
+def _bodies(record: EpisodeRecord) -> tuple[Array, Array, Array]:
+    """Headings, (T + 1, N + 1, 2), radii and halves of shoulder lines, (N + 1,), of the pedestrians and the robot."""
+    robot, table = record.scene().robot, record.scene().human_table
+    theta = np.concatenate((record.states.humans[..., THETA], record.states.robot[:, None, THETA]), axis=1)
+    return unit_vectors(theta), np.append(table.radius, robot.radius), np.append(table.shoulder, 0.0)
+
+
+def _distance_to_outline(start: Array, end: Array, thing: Furniture) -> Array:
+    """Distance of lines to the outline of an object, m, negative if an end or the middle is inside.
+
+    Args:
+        start, end: (T, 2), of the lines, m.
+        thing: a piece of furniture.
+
+    Returns:
+        (T,), m.
+    """
+    outline = Barriers.of(thing.shape.edges(thing.pose))
+    distance: Array = segment_distances(start, end, outline).min(axis=0)
+    if isinstance(thing.shape, Disc):
+        return distance
+    half, axes = np.array([thing.shape.length, thing.shape.width]) / 2, np.array(thing.pose.direction)
+    for point in (start, end, (start + end) / 2):
+        offset = point - np.array(thing.pose.position)
+        local = np.stack((offset @ axes, offset[:, 1] * axes[0] - offset[:, 0] * axes[1]), axis=1)
+        beyond = (np.abs(local) - half).max(axis=1)  # negative inside
+        distance = np.where(beyond < 0.0, np.minimum(distance, beyond), distance)
+    return distance
+
+
+def _check_outcome(record: EpisodeRecord) -> Iterator[Finding]:
+    """The outcome must match the final state, and no earlier state may have ended the episode."""
+    scene, states, outcome = record.scene(), record.states, record.outcome
+    if outcome.tick != len(record) or abs(outcome.time - states.time[-1]) > ROUNDING:
+        yield "outcome", f"is of tick {outcome.tick} at {outcome.time} s, but there are {len(record)} frames"
+    goal, robot = scene.goal, states.robot
+    missing = np.hypot(robot[:, X] - goal.x, robot[:, Y] - goal.y) - goal.distance  # m, and rad: 0 or less at the goal
+    if goal.angle < 3.14:
+        turned = np.array([abs(wrap_angle(theta - goal.theta)) for theta in robot[:, THETA].tolist()])
+        missing = np.maximum(missing, turned - goal.angle)
+    if outcome.status == "goal" and missing[-1] > ROUNDING:
+        yield "outcome", f"says the goal was reached, but {missing[-1]:.3f} m or rad were missing"
+    if "goal" in scene.rules.ends_on and (missing[:-1] < -ROUNDING).any():
+        yield "outcome", f"the goal was reached at tick {int(np.argmax(missing < -ROUNDING))}, but the episode went on"
+    if outcome.status == "timeout" and outcome.tick < scene.rules.last_tick:
+        yield "outcome", f"says the time limit was reached at {outcome.time} s; the limit is {scene.rules.time_limit} s"
+    if outcome.status == "contact" and not record.document["final"]["contacts"]:
+        yield "outcome", "says a contact ended the episode, but the final state has none"
+
+
+def _worst_tick(excess: Array, place: str, subject: str, description: str) -> Iterator[Finding]:
+    """The tick with the largest excess over a limit; (T,), positive values exceed it, NaN is ignored."""
+    if (excess > 0.0).any():
+        excess = np.nan_to_num(excess, nan=-1.0)
+        t, count = int(np.argmax(excess)), int(np.count_nonzero(excess > 0.0))
+        ticks = f" (the worst of {count} ticks)" if count > 1 else ""
+        yield f"frames.{t}.{place}", f"{subject} is {excess[t]:.3f} {description}{ticks}"
+
+
+def _worst_tick_of_humans(excess: Array, scene: Scene, description: str) -> Iterator[Finding]:
+    for k, human in enumerate(scene.humans):
+        yield from _worst_tick(excess[:, k], "humans", f"human {human.id}", description)

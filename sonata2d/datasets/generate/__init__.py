@@ -1,0 +1,1 @@
+"""Generation of data sets: start, runs, progress, and resumption."""

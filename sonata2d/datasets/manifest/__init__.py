@@ -1,0 +1,5 @@
+"""The manifest of a data set, which lists its episodes."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,45 @@
+"""A new folder that appears when it is complete."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from uuid import uuid4
+
+from ...core.files.locations import file_names, is_remote
+from ...core.files.whole_file import TEMPORARY_PREFIX
+from ...errors import RecordError
+
+
+@contextmanager
+def new_folder(out: Path) -> Iterator[Path]:
+    """A temporary folder that is renamed to `out` on success and removed on an error.
+
+    Raises:
+        RecordError: `out` exists and is not an empty folder, or it cannot be written.
+    """
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise RecordError(f"{out} already exists and is not empty; choose another name")
+    if is_remote(out):  # objects cannot be renamed together: the manifest, which is written last, makes the data set
+        try:
+            yield out
+        except BaseException:
+            with suppress(OSError):
+                for name in file_names(out):
+                    (out / name).unlink(missing_ok=True)
+            raise
+        return
+    work = out.parent / f"{TEMPORARY_PREFIX}{uuid4().hex}"
+    try:
+        work.mkdir(parents=True)
+        yield work
+        if out.exists():
+            out.rmdir()
+        os.replace(work, out)
+    except OSError as error:
+        raise RecordError(f"{out} cannot be written: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(work, ignore_errors=True)

@@ -1,0 +1,35 @@
+"""Settings of the server of a study."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True)
+class ServerSettings:
+    """Settings of the server of a study.
+
+    Attributes:
+        host: address at which the server listens.
+        port: port; 0 for a free one.
+        url: address for participants; None: built from host and port, and on the researcher's page the address at
+            which it is opened.
+        participants: number of participants that have links from the start.
+        ids: participants who have links from the start, by id; they are added if they are new.
+        takeover: the one of two tabs with the same link that may drive: the `newest`, or the `first` as long as it is
+            open.
+        connections: largest number of open pages of participants.
+        suffix: of episode files.
+        is_preview: whether steps can be skipped.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 8765
+    url: str | None = None
+    participants: int = 0
+    ids: tuple[str, ...] = ()
+    takeover: Literal["newest", "first"] = "newest"
+    connections: int = 200
+    suffix: str = ".json"
+    is_preview: bool = False
