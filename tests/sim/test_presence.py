@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -234,17 +233,6 @@ def test_interpolation_keeps_the_pedestrians_of_both_snapshots() -> None:
     assert middle.humans.row.tolist() == [0, 4]
     positions = before.humans.position + after.humans.position[[0, 2]]
     assert middle.humans.position == pytest.approx(positions / 2)
-
-
-def test_files_without_the_fields_for_presence_are_read(tmp_path: Path) -> None:
-    path = tmp_path / "old.json"
-    with JsonRecorder(path) as recorder:
-        Episode(room([walker(1, 0.0, 0.0)], rules=RULES), Idle(), observers=[recorder]).run()
-    document = json.loads(path.read_bytes())
-    for key in ("enters", "leaves", "track", "exits", "goals", "velocity"):
-        del document["humans"][0][key]
-    path.write_text(json.dumps(document))
-    assert read_episode(path).scene().humans == (walker(1, 0.0, 0.0),)
 
 
 def test_disturbance_by_the_robot_is_measured_while_pedestrians_are_present_in_both_runs(tmp_path: Path) -> None:
