@@ -18,10 +18,10 @@ from ..errors import RecordError
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..view.annotations import value_text
-from ..view.camera import Camera
 from ..view.interpolation import between
 from ..view.layers import Layers
 from ..view.painter import Painter
+from ..view.projection import Camera
 from ..view.stills import save_moment
 from ..view.trails import Trails
 from .answer import answer_text

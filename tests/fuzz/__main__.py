@@ -18,8 +18,9 @@ from .targets import few_ticks, weights
 
 # loaded once, before workers are forked
 LOADED = [
-    "sonata2d.formats.api", "sonata2d.metrics.measurement", "sonata2d.view.stills", "sonata2d.view.page", "yaml",
-    "pyarrow.parquet", *(f"cli.{name}" for name in ("main", "convert", "dataset", "describe", "evaluate", "render")),
+    "sonata2d.formats.api", "sonata2d.metrics.measurement", "sonata2d.view.stills", "sonata2d.view.episode_page",
+    "yaml", "pyarrow.parquet",
+    *(f"cli.{name}" for name in ("main", "convert", "dataset", "describe", "evaluate", "render")),
 ]  # fmt: skip
 
 

@@ -6,8 +6,8 @@ import pytest
 
 from sonata2d.core.geometry import Pose
 from sonata2d.core.snapshot import Contact
-from sonata2d.view.camera import Camera
 from sonata2d.view.palette import FLOOR, GOAL, shaded
+from sonata2d.view.projection import Camera
 from sonata2d.window import hud as hud_module, question_panel, widgets
 from sonata2d.window.camera import draw_tint
 from sonata2d.window.hud import Hud, draw_hud, free_area, zone_of
