@@ -108,7 +108,7 @@ def _hint_at_resume(out: Path, overwrite: bool) -> Iterator[None]:
 
 def _draw(episode: Path, picture: Path) -> None:
     from sonata2d.record.reader import read_episode
-    from sonata2d.view.files import render
+    from sonata2d.view.episode_files import render
 
     record = read_episode(episode)
     render(list(record.snapshots()), picture, outcome=record.outcome.status)

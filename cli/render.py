@@ -62,7 +62,7 @@ def command(
     that plays an episode (.html).
     """
     from sonata2d.record.reader import read_episode
-    from sonata2d.view.files import FILM_SUFFIXES, render
+    from sonata2d.view.episode_files import FILM_SUFFIXES, render
     from sonata2d.view.layers import Layers
 
     if file.is_dir():

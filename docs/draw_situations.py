@@ -15,7 +15,7 @@ from sonata2d.metrics.situations import SITUATIONS, judge
 from sonata2d.registry import ROOM_KINDS
 from sonata2d.scenegen.scenario.rooms import RoomConfig
 from sonata2d.view.draw import picture
-from sonata2d.view.files import render
+from sonata2d.view.episode_files import render
 from sonata2d.view.film import save_film
 from sonata2d.view.layers import Layers
 from sonata2d.view.stills import save_surface, scene_picture

@@ -86,5 +86,5 @@ class Drawable:
 
 
 def display() -> Any:
-    """The module `sonata2d.view.notebook`, whose functions draw."""
-    return importlib.import_module("sonata2d.view.notebook")
+    """The module `sonata2d.view.notebook_views`, whose functions draw."""
+    return importlib.import_module("sonata2d.view.notebook_views")

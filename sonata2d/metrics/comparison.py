@@ -196,7 +196,7 @@ class Comparison(Sequence[Evaluation]):
             RenderError: there is neither a notebook nor a browser.
             RecordError: an episode file cannot be read.
         """
-        from ..view.notebook import show_page
+        from ..view.notebook_views import show_page
         from .evaluation_page import page_of
 
         show_page(page_of(self.evaluations, self._files(), self._page_metrics()), height=800)

@@ -1,11 +1,11 @@
-from .camera import Camera as Camera
 from .draw import backdrop as backdrop, picture as picture
-from .files import SUFFIXES as SUFFIXES, render as render
+from .episode_files import SUFFIXES as SUFFIXES, render as render
+from .episode_page import save_page as save_page
 from .film import save_film as save_film
 from .interpolation import between as between
 from .layers import Layers as Layers
-from .page import save_page as save_page
 from .painter import Painter as Painter, image_of as image_of
+from .projection import Camera as Camera
 from .stills import (
     filmstrip as filmstrip,
     moments as moments,

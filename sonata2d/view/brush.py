@@ -11,10 +11,10 @@ import numpy as np
 
 from ..core.geometry import Point
 from ..core.portable_math import Array
-from .camera import Camera
 from .canvas import Canvas
 from .fonts import width_of
 from .palette import Colour
+from .projection import Camera
 
 _UNIT_CIRCLE = {
     count: tuple((math.cos(k * 2 * math.pi / count), math.sin(k * 2 * math.pi / count)) for k in range(count))

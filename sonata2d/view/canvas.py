@@ -19,8 +19,8 @@ import pygame
 from ..core.geometry import Point
 from ..core.portable_math import Array
 from .fonts import rendered
-from .outlines import ends_and_bends, filling, pixel_centres, pixels_of, ribbon, step_ribbons, widened
 from .palette import Colour
+from .polygons import ends_and_bends, filling, pixel_centres, pixels_of, ribbon, step_ribbons, widened
 from .svg import SvgCanvas
 
 _LARGE = 40.0  # px, radius above which an antialiased circle is drawn 2 instead of 4 times larger

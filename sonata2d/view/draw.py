@@ -16,7 +16,6 @@ from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from .annotations import SMALL, STRIP, Label, draw_labels, draw_strip, summary
 from .brush import Brush
-from .camera import DEFAULT_SIDE, Camera
 from .canvas import Canvas, PixelCanvas
 from .figures import goal_part, human_parts, robot_part
 from .furniture import draw_furniture, half_size
@@ -24,6 +23,7 @@ from .landmarks import draw_landmarks
 from .layers import Layers, draw_gazes, draw_interactions, draw_velocities, draw_zones, thin_walls
 from .legend import Legend
 from .palette import FAINT, PAPER, WALL, Colour
+from .projection import DEFAULT_SIDE, Camera
 from .room import FloorPlan, draw_room
 from .trails import Trails, draw_trails
 

@@ -19,11 +19,11 @@ from ..core.notebook import Advance, ProgressBar
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..errors import RenderError
-from .camera import DEFAULT_SIDE
 from .interpolation import between
 from .layers import Layers
 from .legend import Legend
 from .palette import ACTIVITY, FLOOR, GOAL, GRID, INK, PAPER, PATHS, ROBOT, WALL, mixed, time_colour
+from .projection import DEFAULT_SIDE
 from .sequence import PictureSequence
 from .trails import Trails, human_tones
 

@@ -10,13 +10,13 @@ from ..core.geometry import Point
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
 from ..core.snapshot import Snapshot
 from .brush import Brush
-from .camera import Camera
 from .canvas import Canvas
 from .figures import draw_body, draw_chassis, draw_head, draw_plain_body, draw_target
 from .fonts import width_of
 from .landmarks import draw_door, draw_place, draw_queue
 from .layers import Layers, draw_fan, draw_link_between, draw_shared_space, draw_zones_of
 from .palette import ACTIVITY, INK
+from .projection import Camera
 from .trails import MARK_INTERVAL, draw_mark_sample, draw_path_samples
 
 _TEXT, _ROW, _EDGE = 16, 22, 14  # px: font size, height of a row, free space beside the rows

@@ -14,13 +14,13 @@ from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..errors import RenderError
 from .brush import Brush
-from .camera import MAX_SIDE, MIN_SIDE, Camera
 from .canvas import PixelCanvas
 from .draw import backdrop, camera_for, draw_annotations, draw_moving
 from .furniture import draw_furniture
 from .landmarks import draw_landmarks
 from .layers import Layers
 from .palette import OUTSIDE
+from .projection import MAX_SIDE, MIN_SIDE, Camera
 from .room import FloorPlan, draw_room
 from .sprites import SpriteCache
 from .trails import Trails, draw_fast_trails

@@ -15,13 +15,13 @@ from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, o
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from .brush import Brush
-from .camera import Camera
 from .draw import camera_for
 from .furniture import draw_furniture, half_size
 from .landmarks import draw_landmarks
 from .layers import Layers, visible_interactions
 from .legend import Legend, english, name_of
 from .palette import ACTIVITY, BLUE, DARK, FAINT, FLOOR, GOAL, HAIR, INK, PAPER, ROBOT, hex_colour, mixed, shaded
+from .projection import Camera
 from .room import FloorPlan, draw_room
 from .svg import SvgCanvas
 from .trails import human_tones

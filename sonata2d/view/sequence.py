@@ -14,11 +14,11 @@ import pygame
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from .brush import Brush
-from .camera import DEFAULT_SIDE
 from .canvas import PixelCanvas, TrackingCanvas
 from .draw import QUICK, annotate, backdrop, camera_for, draw_moving, height_below, shrunk
 from .layers import Layers
 from .legend import Legend
+from .projection import DEFAULT_SIDE
 from .sprites import ShapeCache
 from .trails import Trails, draw_trails
 

@@ -17,11 +17,11 @@ from ..errors import RenderError
 from .annotations import TEXT
 from .draw import camera_for, picture
 from .drawing import Drawing
+from .episode_page import page_of
 from .film import save_sheet_film
 from .fonts import shortened
 from .layers import Layers
 from .legend import Legend
-from .page import page_of
 from .palette import FAINT, PAPER
 from .sequence import PictureSequence
 from .stills import GAP, TITLE, common_scale, filmstrip, save_surface, tiled, vectors, with_title, write_file

@@ -19,9 +19,9 @@ import pygame
 from ..core.geometry import Point
 from ..core.portable_math import Array
 from .brush import Brush, Part
-from .camera import Camera
 from .canvas import Primitive, RasterCanvas, in_view, premultiplied, put, spare_tile
 from .palette import Colour
+from .projection import Camera
 
 _FINE, _QUICK = 4, 2  # supersampling factors of tiles; the second for drawings larger than
 _LARGE, _LARGE_SIMPLE = 80.0, 48.0  # px a side; the second limit for polygons and for drawings of more than

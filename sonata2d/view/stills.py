@@ -21,7 +21,6 @@ from ..core.snapshot import Snapshot, snapshot_of as snapshot_of
 from ..errors import RenderError
 from .annotations import STRIP, TEXT, draw_strip, origin, summary
 from .brush import Brush
-from .camera import Camera
 from .canvas import PixelCanvas
 from .draw import QUICK, annotate, backdrop, camera_for, draw_moving, draw_on_backdrop, height_below, picture
 from .fonts import shortened
@@ -30,6 +29,7 @@ from .landmarks import draw_landmarks
 from .layers import Layers
 from .legend import Legend
 from .palette import FAINT, PAPER
+from .projection import Camera
 from .room import FloorPlan, draw_room
 from .svg import SvgCanvas
 from .trails import Trails, draw_trails

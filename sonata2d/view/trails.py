@@ -17,8 +17,8 @@ from ..core.geometry import Point
 from ..core.portable_math import Array, BoolArray
 from ..core.snapshot import Snapshot
 from .brush import Brush
-from .camera import Camera
 from .palette import FLOOR, PAPER, PATHS, Colour, mixed, shaded, time_colour
+from .projection import Camera
 
 _HUMAN_WIDTH, _ROBOT_WIDTH = 0.035, 0.07  # m
 MARK_INTERVAL = 5.0  # s, between the marks on the robot's trail

@@ -7,10 +7,10 @@ import pygame
 from ..core.devices import View
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
-from ..view.camera import Camera
 from ..view.layers import Layers
 from ..view.painter import Painter
 from ..view.palette import OUTSIDE
+from ..view.projection import Camera
 from ..view.trails import Trails
 from .actions import Action
 from .hud import Hud, draw_hud, free_area

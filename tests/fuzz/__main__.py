@@ -18,8 +18,8 @@ from .targets import few_ticks, weights
 
 # loaded once, before workers are forked
 LOADED = [
-    "sonata2d.formats.api", "sonata2d.metrics.measurement", "sonata2d.view.stills", "sonata2d.view.page", "yaml",
-    "pyarrow.parquet", "cli.main", "cli.check", "cli.describe", "cli.evaluate", "cli.export", "cli.import_",
+    "sonata2d.formats.api", "sonata2d.metrics.measurement", "sonata2d.view.stills", "sonata2d.view.episode_page",
+    "yaml", "pyarrow.parquet", "cli.main", "cli.check", "cli.describe", "cli.evaluate", "cli.export", "cli.import_",
     "cli.mirror", "cli.render", "cli.split",
 ]  # fmt: skip
 

@@ -29,7 +29,7 @@ from sonata2d.learning.graph.modern import modern_graph
 from sonata2d.learning.graph.paper import kept_ticks, paper_graphs
 from sonata2d.record.reader import read_episode, record_from_document
 from sonata2d.record.record import EpisodeRecord
-from sonata2d.view.network import NODE_COLOUR
+from sonata2d.view.graph_picture import NODE_COLOUR
 
 KINDS = ("square", "rectangle", "l")
 SEEDS = range(20)

@@ -15,8 +15,8 @@ from sonata2d.core.humans import ACTIVITIES, BODY_X, BODY_Y, GAZE_X, GAZE_Y, X, 
 from sonata2d.core.portable_math import unit_vector, unit_vectors
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import RobotState, Snapshot
-from sonata2d.view.camera import Camera
 from sonata2d.view.layers import Layers
+from sonata2d.view.projection import Camera
 
 CORNERS = ((0.0, 0.0), (6.0, 0.0), (6.0, 2.5), (3.0, 2.5), (3.0, 5.0), (0.0, 5.0))
 BARE = Layers(gaze=False, links=False, grid=False, caption=False)

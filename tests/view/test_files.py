@@ -18,7 +18,7 @@ from sonata2d.core.proxemics import clearance
 from sonata2d.core.snapshot import Contact
 from sonata2d.errors import RenderError
 from sonata2d.view.draw import picture
-from sonata2d.view.files import render
+from sonata2d.view.episode_files import render
 from sonata2d.view.film import _tail, paced, save_film
 from sonata2d.view.interpolation import between
 from sonata2d.view.layers import Layers

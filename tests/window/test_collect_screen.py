@@ -13,8 +13,8 @@ from sonata2d_cli import main
 
 from sonata2d.datasets import verify
 from sonata2d.record.reader import read_episode
-from sonata2d.view.camera import Camera
 from sonata2d.view.painter import Painter
+from sonata2d.view.projection import Camera
 from sonata2d.window.collect_screen import CollectScreen
 from sonata2d.window.hud import Hud, free_area
 from sonata2d.window.input import InputDevices

@@ -7,8 +7,8 @@ import pytest
 from sonata2d.core.geometry import Pose
 from sonata2d.core.labels import LabelSpec
 from sonata2d.core.snapshot import Contact
-from sonata2d.view.camera import Camera
 from sonata2d.view.palette import FLOOR, GOAL, shaded
+from sonata2d.view.projection import Camera
 from sonata2d.window import hud as hud_module, question_panel, widgets
 from sonata2d.window.answer import FrameQuestion
 from sonata2d.window.collect_screen import _draw_tint

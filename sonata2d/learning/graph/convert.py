@@ -109,7 +109,7 @@ def save_graph(path: str | Path, graph: Graph, *, dt: float, title: str = "") ->
         RenderError: the graph has no nodes, or the file cannot be written.
     """
     from ...view.annotations import value_text
-    from ...view.network import Panel, network_picture
+    from ...view.graph_picture import Panel, network_picture
     from ...view.stills import save_surface
 
     count = len(graph.node_type) // len(graph.ticks)

@@ -15,9 +15,9 @@ from ..core.notebook import notebook_shell
 from ..errors import RenderError
 from .draw import picture
 from .drawing import Drawing, drawing_of
-from .files import FILM_SUFFIXES, render
+from .episode_files import FILM_SUFFIXES, render
+from .episode_page import page_of
 from .layers import Layers
-from .page import page_of
 from .sheets import Sheet
 from .stills import filmstrip, png_of, write_file
 from .trails import Trails

@@ -11,10 +11,10 @@ import pygame
 from ..core.geometry import Point
 from ..errors import RenderError
 from .annotations import Label, draw_labels
-from .camera import Camera
 from .canvas import PixelCanvas
 from .fonts import shortened
 from .palette import BLUE, FAINT, GREEN, GREY, INK, ORANGE, PAPER, PURPLE, VERMILLION, WALL, Colour, mixed
+from .projection import Camera
 
 NODE_COLOUR: dict[str, Colour] = {
     "human": BLUE, "object": ORANGE, "room": PURPLE, "robot": PURPLE, "wall": WALL, "goal": GREEN,

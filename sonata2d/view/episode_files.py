@@ -9,9 +9,9 @@ from typing import Any
 from ..core.files.locations import location
 from ..core.snapshot import Snapshot
 from ..errors import RenderError
+from .episode_page import save_page
 from .film import save_film
 from .layers import Layers
-from .page import save_page
 from .stills import save_moment, save_picture
 from .trails import Trails
 
