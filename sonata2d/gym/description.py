@@ -75,7 +75,7 @@ def _parts_read(env: Env) -> set[str]:
             passed &= set(wrapper.observation_space)
     for part in base.encoder.parts:
         if isinstance(part, DerivedPart) and part.name in passed:
-            read |= part.about
+            read |= {source.name for source in part.sources()}
     return passed | read
 
 

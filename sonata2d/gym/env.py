@@ -14,6 +14,7 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
+from ..core.devices import ImageRequest
 from ..core.geometry import Twist
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
@@ -134,7 +135,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         self.observation_space: spaces.Space[Any] = self.encoder.space
         axes = 3 if self.config.robot.kinematics == "holonomic" else 2
         self.action_space = spaces.Box(np.float32(-1.0), np.float32(1.0), (axes,), np.float32)
-        self.render_mode, self._render_size, self._view = render_mode, render_size, view
+        self.render_mode, self._request = render_mode, ImageRequest(*sides, view=view)
         self._reward = reward_of(reward)
         self._metrics = _metrics_of(metrics)
         self._folder = None if record is None else recording_folder(record)
@@ -183,7 +184,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         options = options or {}
         if unknown := sorted(set(options) - {"episode", "state", "watch"}):
             raise ValueError(f"reset knows the options 'episode' and 'state', got {unknown[0]!r}")
-        if "state" in options:
+        if "state" in options:  # so that Gymnasium's wrappers notice a restored state as the beginning of an episode
             if seed is not None or "episode" in options:
                 raise ValueError("a state contains seed and episode; give reset either a state, or these")
             observation = self.set_state(options["state"], options.get("watch"))
@@ -196,10 +197,10 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         self._finish("the environment was reset")
         if seed is not None:
             self._seed, self._number = int(seed), -1
-        elif self._seed is None:
+        elif self._seed is None:  # the first reset without a seed; later ones continue the seed's episodes
             self._seed = int(self.np_random.integers(2**31))
         self._number = self._number + 1 if number is None else int(number)
-        for attempt in range(_LAYOUTS):
+        for attempt in range(_LAYOUTS):  # an episode whose scene has no layout is skipped
             try:
                 scene = self._generate(self._seed, self._number)
                 break
@@ -381,7 +382,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         if self._renderer is None:
             from .rendering import Renderer
 
-            self._renderer = Renderer(self.render_mode, self._render_size, self._view, self.config.rules.dt)
+            self._renderer = Renderer(self.render_mode, self._request, self.config.rules.dt)
         return self._renderer
 
 
@@ -394,10 +395,8 @@ def _metrics_of(chosen: Iterable[str] | str | bool) -> tuple[Metric, ...]:
     """
     if isinstance(chosen, bool):
         names = ["all"] if chosen else []
-    elif isinstance(chosen, str):
-        names = [chosen]
     elif isinstance(chosen, Iterable):
-        names = list(chosen)
+        names = [chosen] if isinstance(chosen, str) else list(chosen)
     else:
         raise TypeError(f"metrics must be names of metrics, or True for all of them, got {chosen!r}")
     for name in names:

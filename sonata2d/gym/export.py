@@ -56,9 +56,11 @@ def save_policy(path: str | Path, model: Any, env: Env, *, normalisation: Any = 
         )
     path, environment = Path(path), describe(env)
     if is_module:
+        # A module need not be a perceptron, but then torch exports it better than this function could.
         if path.suffix != ".npz":
             raise ValueError(f"a PyTorch module is written as .npz, got {path}; for .onnx use torch.onnx.export")
     else:
+        # A model knows its spaces, so that a wrong environment is found before anything is written.
         for name in ("observation_space", "action_space"):
             if getattr(model, name) != getattr(env, name):
                 raise ValueError(

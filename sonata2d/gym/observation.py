@@ -151,10 +151,8 @@ class Encoder:
         classes = dict.fromkeys((*STANDARD, *(part_named(name) for name in parts)))
         self.sizes, self.order, self.parts = sizes, order, tuple(part() for part in classes)
         numbers = asdict(sizes)
-        masks = {
-            f"{kind}_mask": spaces.Box(np.float32(0.0), np.float32(1.0), (n,), np.float32)
-            for kind, n in numbers.items()
-        }
+        low, high = np.float32(0.0), np.float32(1.0)
+        masks = {f"{kind}_mask": spaces.Box(low, high, (n,), np.float32) for kind, n in numbers.items()}
         self.space = spaces.Dict({part.name: part.space(numbers) for part in self.parts} | masks)
         self._filled = [part for part in self.parts if isinstance(part, SnapshotPart)]
         self._derived = [part for part in self.parts if isinstance(part, DerivedPart)]
@@ -165,8 +163,7 @@ class Encoder:
 
     def reset(self, scene: Scene) -> None:
         """Begin an episode."""
-        positions = [piece.pose.position for piece in scene.furniture]
-        objects = np.array(positions, dtype=float).reshape(-1, 2)
+        objects = np.array([piece.pose.position for piece in scene.furniture], dtype=float).reshape(-1, 2)
         self._scene = Packed(_Scene(objects, wall_ends(scene), *self.rows, self.order == "nearest"))
         self._everybody = np.ones(len(scene.humans), dtype=bool)
         ids = [*(human.id for human in scene.humans), *(piece.id for piece in scene.furniture)]
@@ -196,7 +193,8 @@ class Encoder:
             ValueError: a part returns another number of values than it has columns, or nan.
         """
         for part in self._derived:
-            values = np.asarray(part.derive({kind: table_of(kind, observation) for kind in part.about}), dtype=float)
+            tables = {source.name: table_of(source, observation) for source in part.sources()}
+            values = np.asarray(part.derive(tables), dtype=float)
             if values.shape != (len(part.columns),) or np.isnan(values).any():
                 raise ValueError(
                     f"the observation part {part.name!r} must return {len(part.columns)} numbers, got {shown(values)}"

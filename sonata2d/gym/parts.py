@@ -28,6 +28,7 @@ from ..core.state import HUMAN_SIZE, ROBOT_SIZE
 from ..registry import OBSERVATION_PARTS
 from ..scenegen.scenario.sections import SIZES
 
+_ENTITIES = frozenset({"robot", "goal", "humans", "objects", "walls"})
 Floats32 = NDArray[np.float32]
 Observation = dict[str, NDArray[Any]]
 
@@ -100,7 +101,7 @@ class ObservationPart:
         name: key of the array in the observation.
         version: changes with the meaning of a column; files of policies record it.
         columns: of the array.
-        about: the entities that the values depend on: `robot`, `goal`, `humans`, `objects`, `walls`, `interactions`.
+        about: the entities on which the values depend: `robot`, `goal`, `humans`, `objects` or `walls`.
         rows_of: `humans`, `objects`, `walls` or `interactions`: the part is a table with one row for each of these, and
             the array `<rows_of>_mask` is 1 for rows that are not empty; an empty text: the part is a vector.
     """
@@ -153,10 +154,8 @@ class SnapshotPart(ObservationPart):
 
     def __init_subclass__(cls, **arguments: Any) -> None:
         super().__init_subclass__(**arguments)
-        allowed = {"robot", "goal", "walls", cls.rows_of} | (
-            {"humans", "objects"} if cls.rows_of == "interactions" else set()
-        )
-        if hidden := sorted(set(getattr(cls, "about", ())) - allowed):
+        entities = {"humans", "objects"} if cls.rows_of == "interactions" else {cls.rows_of}
+        if hidden := sorted(getattr(cls, "about", frozenset()) - {"robot", "goal", "walls", *entities}):
             raise TypeError(
                 f"the observation part {cls.__name__} tells of {hidden[0]} from a snapshot, which has hidden ones too; "
                 f"derive it from their rows in a DerivedPart, or make it a table with rows_of = {hidden[0]!r}"
@@ -188,11 +187,17 @@ class DerivedPart(ObservationPart):
     Box(0.0, 100.0, (1,), float32)
     """
 
+    @classmethod
+    @cache
+    def sources(cls) -> tuple[type[SnapshotPart], ...]:
+        """The parts in `STANDARD` that are about no other entities than this part."""
+        return tuple(part for part in STANDARD if part.about <= cls.about)
+
     def derive(self, tables: Mapping[str, Table]) -> Sequence[float]:
         """Compute the values.
 
         Args:
-            tables: the parts named in `about`, in the robot's frame; without their empty rows.
+            tables: the parts in `sources` by name, in the robot's frame, without their empty rows.
 
         Returns:
             A number for each column, which is clipped to its bounds.
@@ -374,17 +379,20 @@ def part_named(name: str) -> type[ObservationPart]:
             return "is not a class derived from SnapshotPart or DerivedPart"
         if missing := [field for field in ("name", "columns", "about") if not hasattr(part, field)]:
             return f"lacks {', '.join(missing)}"
+        if unknown := sorted(part.about - _ENTITIES):
+            return f"is about {unknown[0]!r}; the entities are {', '.join(sorted(_ENTITIES))}"
         return None if part.name == name else f"has the name {part.name!r}; use one name"
 
     part: type[ObservationPart] = OBSERVATION_PARTS.load(name, problem)
     return part
 
 
-def table_of(kind: str, observation: Observation) -> Table:
+def table_of(part: type[ObservationPart], observation: Observation) -> Table:
     """The rows of a part that are not empty, or its vector."""
-    part = next(part for part in STANDARD if part.name == kind)
-    rows, mask = observation[kind], observation.get(f"{kind}_mask")
-    return Table(part, rows if mask is None else rows[mask > 0.0])
+    if not part.rows_of:
+        return Table(part, observation[part.name])
+    rows = observation[part.name][observation[f"{part.rows_of}_mask"] > 0.0]
+    return Table(part, rows.reshape(-1, len(part.columns)))
 
 
 def _object_row(piece: Furniture) -> tuple[float, ...]:

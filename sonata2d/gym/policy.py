@@ -71,12 +71,12 @@ class PolicyController(LearnedController):
             self._sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
             self.deterministic = path.suffix == ".npz"  # other files run in libraries whose rounding may differ
         try:
-            if env is None:
+            if env is None:  # the file says what the policy observes
                 if description is None:
                     raise TypeError("the policy does not say what it observes; give PolicyController(policy, env)")
                 env = environment_of(description)
             else:
-                if description is not None:
+                if description is not None:  # the parts may have changed since the file was written
                     require_parts(description, env)
                 with suppress(TypeError):  # of a wrapper of another package
                     env = environment_of(describe(env))  # so that both can be used at the same time

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import pygame
 
@@ -22,18 +22,14 @@ class Renderer:
 
     Args:
         mode: of the environment.
-        size: width and height, px.
-        view: `top` or `follow`.
+        request: size and view of the pictures.
         interval: between two pictures in the window, s.
     """
 
     _has_started_display: ClassVar[bool] = False
 
-    def __init__(
-        self, mode: str | None, size: tuple[int, int], view: Literal["top", "follow"], interval: float
-    ) -> None:
-        self._mode = mode
-        self._request = ImageRequest(*size, view=view)
+    def __init__(self, mode: str | None, request: ImageRequest, interval: float) -> None:
+        self._mode, self._request = mode, request
         self._pictures: list[Any] = []
         self._window: pygame.Window | None = None
         self._was_closed = False  # by the user

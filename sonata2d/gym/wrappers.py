@@ -230,10 +230,10 @@ class Noise(EpisodeWrapper):
             rows = observation[part.name].astype(float)
             for k, column in part.pairs():
                 a, b = rows[:, k].copy(), rows[:, k + 1].copy()
-                if column.unit:
+                if column.unit:  # a position or a velocity
                     deviation = position if column.axes == "point" else velocity
                     rows[:, k : k + 2] += deviation * random.standard_normal((len(rows), 2))
-                else:  # a unit vector
+                else:  # a unit vector is turned, so that it keeps its length
                     turn = angle * random.standard_normal(len(rows))
                     rows[:, k] = a * np.cos(turn) - b * np.sin(turn)
                     rows[:, k + 1] = b * np.cos(turn) + a * np.sin(turn)

@@ -15,6 +15,7 @@ import pytest
 
 import sonata2d as s2
 import sonata2d.gym as s2g
+from sonata2d.core.humans import ACTIVITIES
 from sonata2d.errors import ConfigError, ControllerError
 from sonata2d.gym.description import describe, environment_of
 from sonata2d.gym.mlp import write_mlp
@@ -29,7 +30,7 @@ ROOT = Path(__file__).parents[2]
 class Clearance(s2g.DerivedPart):
     """Gap between the outlines of the robot and the nearest pedestrian."""
 
-    name, about = "clearance", frozenset({"robot", "humans"})
+    name, about = "plugin_gap", frozenset({"robot", "humans"})
     columns = (s2g.Column("gap", "m", FARTHEST, -FARTHEST),)
 
     def derive(self, tables: Mapping[str, s2g.Table]) -> Sequence[float]:
@@ -73,7 +74,7 @@ def _registered() -> Iterator[None]:
 
 
 def make(scenario: str = "lively", **arguments: Any) -> s2g.SocialNavEnv:
-    return s2g.SocialNavEnv(scenario, settings=SHORT, parts=("clearance", "nearest", "ids"), **arguments)
+    return s2g.SocialNavEnv(scenario, settings=SHORT, parts=("plugin_gap", "nearest", "ids"), **arguments)
 
 
 def run(env: Env, seed: int = 2, steps: int = 20) -> Iterator[tuple[Any, s2.Snapshot]]:
@@ -89,7 +90,7 @@ def test_a_part_of_another_package_is_observed() -> None:
     env = make()
     for observation, snapshot in run(env):
         assert env.observation_space.contains(observation)
-        np.testing.assert_allclose(observation["clearance"], [s2.clearance(snapshot)], atol=1e-5)
+        np.testing.assert_allclose(observation["plugin_gap"], [s2.clearance(snapshot)], atol=1e-5)
         there = observation["humans_mask"] > 0.0
         assert sorted(observation["ids"][there, 0]) == sorted(snapshot.humans.id)
         assert not observation["ids"][~there].any()
@@ -103,10 +104,10 @@ def test_a_view_that_hides_everybody_tells_nothing_of_them(occlusion: bool) -> N
     for (hidden, _), (seen, _) in zip(run(blind), run(plain), strict=True):
         assert not hidden["humans_mask"].any()
         assert seen["humans_mask"].any()
-        told += int(seen["clearance"][0] < 3.0)
+        told += int(seen["plugin_gap"][0] < 3.0)
         for part in blind.unwrapped.encoder.parts:  # type: ignore[attr-defined]
-            if part.about & {"humans", "interactions"}:
-                empty = [FARTHEST] if part.name == "clearance" else np.zeros_like(hidden[part.name])
+            if "humans" in part.about:
+                empty = [FARTHEST] if part.name == "plugin_gap" else np.zeros_like(hidden[part.name])
                 np.testing.assert_array_equal(hidden[part.name], empty, err_msg=part.name)
     assert told
 
@@ -118,9 +119,28 @@ def test_a_part_tells_of_the_observed_people_only() -> None:
         np.testing.assert_array_equal(observation["nearest"], np.array(nearest, dtype=np.float32))
 
 
+def test_a_part_has_all_tables_about_its_entities() -> None:
+    class Talking(s2g.DerivedPart):
+        """Number of observed pedestrians that talk."""
+
+        name, about, columns = "talking", frozenset({"humans"}), (s2g.Column("count", high=100.0),)
+
+        def derive(self, tables: Mapping[str, s2g.Table]) -> Sequence[float]:
+            assert set(tables) == {"humans", "activities"}
+            return [float(np.sum(tables["activities"]["activity"] == ACTIVITIES.index("talking")))]
+
+    OBSERVATION_PARTS.register("talking", Talking)
+    counts = set()
+    for observation, _ in run(s2g.FieldOfView(s2g.SocialNavEnv("lively", parts=["talking"]), angle=6.0)):
+        talks = observation["activities"][observation["humans_mask"] > 0.0] == ACTIVITIES.index("talking")
+        assert observation["talking"] == [talks.sum()]
+        counts.add(int(talks.sum()))
+    assert max(counts) > 0
+
+
 def test_a_part_is_derived_from_noisy_rows() -> None:
     for (noisy, _), (exact, _) in zip(run(s2g.Noise(make(), position=0.3)), run(make()), strict=True):
-        assert noisy["clearance"] != exact["clearance"]
+        assert noisy["plugin_gap"] != exact["plugin_gap"]
         distances = np.hypot(noisy["humans"][:, 0], noisy["humans"][:, 1])[noisy["humans_mask"] > 0.0]
         np.testing.assert_allclose(np.hypot(*noisy["nearest"]), distances.min(), rtol=1e-6)
         np.testing.assert_array_equal(noisy["ids"], exact["ids"])
@@ -134,7 +154,7 @@ def test_points_of_a_part_are_in_the_frame_of_the_world() -> None:
 
 def test_ranges_replace_the_parts_about_entities() -> None:
     assert set(s2g.Lidar(make()).reset(seed=0)[0]) == {"robot", "goal", "lidar"}
-    assert {"clearance", "ids"} <= set(s2g.Lidar(make(), keep=True).reset(seed=0)[0])
+    assert {"plugin_gap", "ids"} <= set(s2g.Lidar(make(), keep=True).reset(seed=0)[0])
 
 
 @pytest.mark.parametrize("chain", CHAINS)
@@ -156,12 +176,13 @@ def test_a_vector_from_a_snapshot_that_tells_of_people_is_refused() -> None:
 
 
 def test_bad_parts_are_named() -> None:
-    with pytest.raises(ConfigError, match="did you mean 'clearance'"):
-        s2g.SocialNavEnv("empty", parts=["clearence"])
+    with pytest.raises(ConfigError, match="did you mean 'plugin_gap'"):
+        s2g.SocialNavEnv("empty", parts=["plugin_gab"])
     for value, message in (
         (3, "is not a class derived from SnapshotPart or DerivedPart"),
         (s2g.ObservationPart, "is not a class derived from"),
         (type("Nameless", (s2g.DerivedPart,), {"name": "bad"}), "lacks columns, about"),
+        (type("Strange", (Nearest,), {"about": frozenset({"people"})}), "is about 'people'; the entities are goal"),
         (Nearest, "has the name 'nearest'"),
     ):
         OBSERVATION_PARTS.register("bad", value)
@@ -188,15 +209,15 @@ def test_a_policy_of_another_version_of_a_part_is_refused(tmp_path: Path) -> Non
     write_mlp(path, perceptron(env))
     controller = s2g.PolicyController(path)
     assert controller.act is not None
-    OBSERVATION_PARTS.register("clearance", Clearance2)
-    message = r"'clearance' of version 1 with the columns gap m, here it has version 2 with the columns gap cm; train"
+    OBSERVATION_PARTS.register("plugin_gap", Clearance2)
+    message = r"'plugin_gap' of version 1 with the columns gap m, here it has version 2 with the columns gap cm; train"
     with pytest.raises(ControllerError, match=message) as caught:
         s2g.PolicyController(path)
     assert "\n" not in str(caught.value)
     with pytest.raises(ControllerError, match=message):
         s2g.PolicyController(path, s2g.Flat(make()))
-    del OBSERVATION_PARTS.registered["clearance"]
-    with pytest.raises(ControllerError, match="no observation part is named 'clearance'"):
+    del OBSERVATION_PARTS.registered["plugin_gap"]
+    with pytest.raises(ControllerError, match="no observation part is named 'plugin_gap'"):
         s2g.PolicyController(path)
     with pytest.raises(ControllerError, match="here it has no version"):
         s2g.PolicyController(path, s2g.Flat(s2g.SocialNavEnv("lively", settings=SHORT)))
@@ -204,9 +225,9 @@ def test_a_policy_of_another_version_of_a_part_is_refused(tmp_path: Path) -> Non
 
 def test_a_policy_records_the_parts_that_it_reads() -> None:
     flat = describe(s2g.Flat(make()))["parts"]
-    assert set(flat) == {"robot", "goal", "humans", "objects", "walls", "clearance", "nearest", "ids"}
-    assert set(describe(s2g.Flat(make(), keys=["goal", "clearance"]))["parts"]) == {
-        "goal", "clearance", "robot", "humans",
+    assert set(flat) == {"robot", "goal", "humans", "objects", "walls", "plugin_gap", "nearest", "ids", "activities"}
+    assert set(describe(s2g.Flat(make(), keys=["goal", "plugin_gap"]))["parts"]) == {
+        "goal", "plugin_gap", "robot", "humans", "activities",
     }  # fmt: skip
     assert set(describe(s2g.Flat(s2g.Lidar(make())))["parts"]) == {"robot", "goal", "humans", "objects", "walls"}
     assert set(describe(s2g.Graph(make()))["parts"]) == {part.name for part in STANDARD}
