@@ -35,7 +35,7 @@ class ContactObserver:
 
     def open(self, scene: Scene, controller_info: ControllerInfo) -> None: ...
 
-    def note(self, frame: Frame) -> None:
+    def on_frame(self, frame: Frame) -> None:
         self._observe(frame.snapshot)
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:

@@ -60,7 +60,7 @@ class Meter:
         self._wandering = [h.behaviour == "wandering" for h in scene.humans]
         self._count, self._pairs = len(scene.humans), np.triu_indices(0, 1)
 
-    def note(self, frame: Frame) -> None:
+    def on_frame(self, frame: Frame) -> None:
         snapshot = frame.snapshot
         humans, robot = snapshot.humans, snapshot.robot
         position = np.concatenate((humans.position, [robot.position]))

@@ -91,7 +91,7 @@ class Journal:
     def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
         """Nothing to do: `begin` writes the header."""
 
-    def note(self, frame: Frame) -> None:
+    def on_frame(self, frame: Frame) -> None:
         """Write a tick, unless the file has it already."""
         if frame.snapshot.tick < self._ticks_in_file:
             return

@@ -303,7 +303,7 @@ class Observer(Protocol):
     def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
         """Called once, before the first tick."""
 
-    def note(self, frame: Frame) -> None:
+    def on_frame(self, frame: Frame) -> None:
         """Called once per tick, before the world moves."""
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:

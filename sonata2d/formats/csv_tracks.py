@@ -36,7 +36,7 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
         UnsuitableEpisode: no pedestrian is present in the episode, or its times are uneven.
     """
     require_even_times(record, NAME)
-    rows, ids, positions = positions_of_present(record.states.humans, [human.id for human in record.scene().humans])
+    rows, ids, positions = positions_of_present(record.states.humans, record.scene().human_table.id.tolist())
     if not len(rows):
         raise UnsuitableEpisode(
             record.path,

@@ -150,7 +150,7 @@ def require_consecutive_ids(record: EpisodeRecord, format: str) -> None:
         UnsuitableEpisode: the ids have gaps or do not start at 1.
     """
     scene = record.scene()
-    ids = [human.id for human in scene.humans] + [thing.id for thing in scene.furniture]
+    ids = [*scene.human_table.row] + [thing.id for thing in scene.furniture]
     if sorted(ids) != list(range(1, len(ids) + 1)):
         raise UnsuitableEpisode(
             record.path,

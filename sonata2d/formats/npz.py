@@ -42,7 +42,7 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
     arrays: dict[str, Any] = {
         **{name: getattr(states, name) for name in _STATES},
         **{name: getattr(record, name) for name in _TWISTS},
-        "human_id": np.array([human.id for human in record.scene().humans], dtype=np.int64),
+        "human_id": record.scene().human_table.id,
         "header": np.array(orjson.dumps(header_of(document)).decode()),
         "texts": np.array(orjson.dumps(texts).decode()),
     }

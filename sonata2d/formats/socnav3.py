@@ -87,7 +87,7 @@ def _check_exportable(record: EpisodeRecord, options: Options) -> None:
     states = record.states
     require_finite(states.robot, ROBOT_NAMES, "the robot")
     present_rows = np.where(states.present[..., None], states.humans, 0.0)
-    require_finite(present_rows, HUMAN_NAMES, "human", [human.id for human in record.scene().humans])
+    require_finite(present_rows, HUMAN_NAMES, "human", record.scene().human_table.id.tolist())
     for thing in record.scene().furniture:
         if _written_type(thing, options) is None and thing.type != BODILESS and thing.on is None:
             raise UnsuitableEpisode(

@@ -36,7 +36,7 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
     """
     require_even_times(record, NAME)
     stride = _stride(record)
-    ids = [human.id for human in record.scene().humans]
+    ids = record.scene().human_table.id.tolist()
     humans = record.states.humans[::stride]
     scenes = list(_scenes(~np.isnan(humans[..., X]), ids, stride))
     if not scenes:

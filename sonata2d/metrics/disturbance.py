@@ -104,8 +104,8 @@ def human_speed_ratio(trajectory: Trajectory) -> float | None:
     present = trajectory.present & _walkers(trajectory)
     if not present.any():
         return None
-    desired = np.array([human.desired_speed for human in trajectory.scene.humans])
-    return float((lengths(trajectory.human_velocity) / desired)[present].mean())
+    desired_speed = trajectory.scene.human_table.desired_speed
+    return float((lengths(trajectory.human_velocity) / desired_speed)[present].mean())
 
 
 @metric("m", "less", needs={"robot", "seed"})

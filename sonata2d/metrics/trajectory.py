@@ -155,25 +155,25 @@ class Trajectory:
         """(L, N, 2), m/s; NaN where absent."""
         return self.record.states.humans[: len(self), :, VX : VY + 1]
 
-    @cached_property
+    @property
     def human_radius(self) -> Array:
         """(N,), m, half the depth of the humans' bodies."""
-        return np.array([human.radius for human in self.scene.humans], dtype=float)
+        return self.scene.human_table.radius
 
-    @cached_property
+    @property
     def human_shoulder(self) -> Array:
         """(N,), m, half the length of the humans' shoulder lines; 0 for discs."""
-        return np.array([human.shoulder for human in self.scene.humans], dtype=float)
+        return self.scene.human_table.shoulder
 
     @cached_property
     def human_direction(self) -> Array:
         """(L, N, 2), unit vectors of the humans' headings; NaN where absent."""
         return unit_vectors(self.human_heading)
 
-    @cached_property
+    @property
     def human_column(self) -> dict[int, int]:
         """Index along N of each human, by id."""
-        return {human.id: k for k, human in enumerate(self.scene.humans)}
+        return self.scene.human_table.row
 
     @cached_property
     def offset(self) -> Array:

@@ -91,7 +91,7 @@ class EpisodeRecorder:
         self._scene_json = consistent_scene(scene)  # before the run, not after it
         self.scene, self._controller_info = scene, controller_info
 
-    def note(self, frame: Frame) -> None:
+    def on_frame(self, frame: Frame) -> None:
         """Record one tick.
 
         Raises:
@@ -121,7 +121,7 @@ class EpisodeRecorder:
         scene, outcome = self.scene, self.outcome
         if scene is None or outcome is None:
             raise RecordError("the episode is not complete; run it to its end, or call close()")
-        frames, final = frame_lines(self._observations, self._answers, [human.id for human in scene.humans])
+        frames, final = frame_lines(self._observations, self._answers, scene.human_table.id.tolist())
         header = self._header(scene, outcome)
         return serialise({**header, "frames": frames, "final": final, "software": software_versions()})
 

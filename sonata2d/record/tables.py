@@ -81,16 +81,16 @@ def _frames(record: EpisodeRecord, name: str, frames: list[JsonDict]) -> dict[st
 
 def _agents(record: EpisodeRecord, name: str) -> dict[str, Any]:
     """A row for each pedestrian that is present in a frame."""
-    states, humans = record.states, record.scene().humans
+    states, humans = record.states, record.scene().human_table
     t, k = np.nonzero(states.present)
     activities = np.array(record.document["activities"], dtype=object)
     rows = states.humans[t, k]
     return {
         "episode_id": [name] * len(t),
         "tick": states.tick[t],
-        "human_id": np.array([human.id for human in humans], dtype=np.int64)[k],
+        "human_id": humans.id[k],
         **{key: rows[:, column] for column, key in enumerate(HUMAN_NAMES)},
         "activity": activities[states.activity[t, k]].tolist(),
-        "radius": np.array([human.radius for human in humans], dtype=float)[k],
-        "breadth": np.array([human.breadth for human in humans], dtype=float)[k],
+        "radius": humans.radius[k],
+        "breadth": np.array([human.breadth for human in record.scene().humans], dtype=float)[k],
     }

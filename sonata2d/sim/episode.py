@@ -91,7 +91,7 @@ class Episode(Drawable):
             raise ControllerError(
                 f"{type(controller).__name__} requests a camera image; give Episode(renderer=sonata2d.view.image_of)"
             )
-        if hasattr(observers, "note"):
+        if hasattr(observers, "on_frame"):
             raise TypeError(f"observers are several; write observers=[{type(observers).__name__}(...)]")
         self.scene, self.controller, self.observers = scene, controller, tuple(observers)
         self.past: list[TickInput] = []
@@ -310,7 +310,7 @@ class Episode(Drawable):
         frame = Frame(snapshot, tick_input.command, tick_input.label)
         try:
             for observer in self.observers:
-                observer.note(frame)
+                observer.on_frame(frame)
             self._world.execute(tick_input.command, self._crowd.act(snapshot))
         except BaseException as error:
             interruption.reraise(error)

@@ -28,7 +28,7 @@ def test_every_tick_is_written_before_the_next(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "deep" / "a.jsonl")
     journal.begin(HEADER)
     for count, frame in enumerate(run(EpisodeRecorder(), ticks=4, labels=lambda tick: tick), 1):
-        journal.note(frame)
+        journal.on_frame(frame)
         found = read_journal(journal.path)
         assert found is not None
         assert found.header == HEADER

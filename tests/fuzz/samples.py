@@ -110,7 +110,7 @@ def make_samples(folder: Path) -> None:
     header = {key: document[key] for key in ("settings", "seed", "episode", "physics", "controller", "contributor")}
     journal.begin(header)
     for frame in read_episode(first).frames():
-        journal.note(frame)
+        journal.on_frame(frame)
     journal.shut()
     write_default_controls(folder / "collected" / "controls.toml")
 

@@ -125,7 +125,7 @@ def run(recorder: EpisodeRecorder, of: Scene | None = None, *, ticks: int = 6, l
     recorder.open(of, CONTROLLER_INFO)
     for tick in range(ticks):
         frame = Frame(snapshot(of, tick, **events_at(tick)), Twist(SPEED, 0.0, 0.0), labels(tick) if labels else None)
-        recorder.note(frame)
+        recorder.on_frame(frame)
         frames.append(frame)
     last = snapshot(of, ticks)
     recorder.close(last, Outcome("stopped", "by hand", last.tick, last.time))

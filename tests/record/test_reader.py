@@ -56,7 +56,7 @@ def test_recording_a_read_episode_gives_the_same_bytes(episode: Path) -> None:
     record, recorder = read_episode(episode), EpisodeRecorder(id="by-hand")
     recorder.open(record.scene(), record.controller_info)
     for frame in record.frames():
-        recorder.note(frame)
+        recorder.on_frame(frame)
     recorder.close(record.snapshot(-1), record.outcome)
     assert recorder.document() == episode.read_bytes()
 

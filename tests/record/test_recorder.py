@@ -41,7 +41,7 @@ def document_of(*frames: Frame, last: Snapshot, status: Any = "stopped") -> Any:
     recorder = EpisodeRecorder()
     recorder.open(last.scene, CONTROLLER_INFO)
     for frame in frames:
-        recorder.note(frame)
+        recorder.on_frame(frame)
     recorder.close(last, Outcome(status, "by hand", last.tick, last.time))
     return json.loads(recorder.document())
 
@@ -79,7 +79,7 @@ def test_later_changes_of_a_snapshot_do_not_change_the_recording() -> None:
         first = snapshot(of, 0)
         recorder.open(of, CONTROLLER_INFO)
         label = {"near": [1, 2]}
-        recorder.note(Frame(first, Twist(), label))
+        recorder.on_frame(Frame(first, Twist(), label))
         if is_changed:
             first.humans.state[:] = 9.0
             first.humans.activity_index[:] = 0
@@ -119,7 +119,7 @@ def test_an_exception_loses_no_frame(tmp_path: Path, error: BaseException) -> No
         with JsonRecorder(path) as recorder:
             recorder.open(of, CONTROLLER_INFO)
             for tick in range(4):
-                recorder.note(Frame(snapshot(of, tick), Twist()))
+                recorder.on_frame(Frame(snapshot(of, tick), Twist()))
             raise error
 
     with pytest.raises(type(error)):
@@ -132,7 +132,7 @@ def test_an_exception_loses_no_frame(tmp_path: Path, error: BaseException) -> No
 def test_an_episode_without_end_is_written_as_stopped(tmp_path: Path) -> None:
     with JsonRecorder(tmp_path / "left.json") as recorder:
         recorder.open(scene(), CONTROLLER_INFO)
-        recorder.note(Frame(snapshot(scene(), 0), Twist()))
+        recorder.on_frame(Frame(snapshot(scene(), 0), Twist()))
     assert read_episode(tmp_path / "left.json").outcome.status == "stopped"
 
 
@@ -143,7 +143,7 @@ def test_the_first_exception_is_raised_where_writing_fails_too(tmp_path: Path) -
     def record_and_raise() -> None:
         with JsonRecorder(tmp_path / "lost.json") as recorder:
             recorder.open(scene(), CONTROLLER_INFO)
-            recorder.note(Frame(bad, Twist()))
+            recorder.on_frame(Frame(bad, Twist()))
             raise ValueError("first")
 
     with pytest.raises(ValueError, match="first") as caught:
@@ -188,7 +188,7 @@ def test_the_row_of_an_absent_person_is_null(tmp_path: Path) -> None:
     with JsonRecorder(path) as recorder:
         recorder.open(of, CONTROLLER_INFO)
         for state in (first, second):
-            recorder.note(Frame(state, Twist()))
+            recorder.on_frame(Frame(state, Twist()))
         recorder.close(last, Outcome("stopped", "", 2, 0.2))
     document = json.loads(path.read_bytes())
     assert [frame["humans"][1] is None for frame in document["frames"]] == [False, True]
@@ -268,7 +268,7 @@ def test_a_document_holds_what_each_frame_holds(data: st.DataObject) -> None:
     recorder = EpisodeRecorder()
     recorder.open(of, CONTROLLER_INFO)
     for frame in frames:
-        recorder.note(frame)
+        recorder.on_frame(frame)
     recorder.close(states[-1], Outcome("stopped", "", len(frames), 0.1 * len(frames)))
     document = orjson.loads(recorder.document())
     expected = []
@@ -325,7 +325,7 @@ def test_a_label_that_json_cannot_represent_is_an_error(label: Any, message: str
     recorder = EpisodeRecorder()
     recorder.open(scene(), CONTROLLER_INFO)
     with pytest.raises(RecordError, match=message):
-        recorder.note(Frame(snapshot(scene(), 0), Twist(), label))
+        recorder.on_frame(Frame(snapshot(scene(), 0), Twist(), label))
     recorder.close(snapshot(scene(), 0), Outcome("error", "", 0, 0.0))
     assert json.loads(recorder.document())["frames"] == []
 

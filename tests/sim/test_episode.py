@@ -41,7 +41,7 @@ class CallLog:
     def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
         self.calls.append(f"open {controller_info.path}")
 
-    def note(self, frame: Frame) -> None:
+    def on_frame(self, frame: Frame) -> None:
         self.calls.append(f"note {frame.snapshot.tick}")
         self.frames.append(frame)
 

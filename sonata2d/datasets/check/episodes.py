@@ -116,17 +116,17 @@ def _differences(record: EpisodeRecord, file: ListedFile) -> list[Problem]:
 
 
 def repeated_keys(path: Path) -> list[Problem]:
-    """The first key that a JSON object of a file has twice: parsers use one of the values, and do not say which."""
-    found: list[str] = []
+    """Report duplicate keys of the JSON objects of a file; parsers silently use one of the values."""
+    duplicates: list[str] = []
 
-    def note(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    def collect(pairs: list[tuple[str, object]]) -> dict[str, object]:
         content = dict(pairs)
         if len(content) < len(pairs):
-            found.extend(repeated(key for key, _ in pairs))
+            duplicates.extend(repeated(key for key, _ in pairs))
         return content
 
-    json.loads(read_bytes(path), object_pairs_hook=note)
-    return [Problem(path.name, found[0], "is given twice; one of the values is ignored")] if found else []
+    json.loads(read_bytes(path), object_pairs_hook=collect)
+    return [Problem(path.name, key, "is given twice; one of the values is ignored") for key in duplicates[:1]]
 
 
 def repeated(names: Iterable[str]) -> list[str]:

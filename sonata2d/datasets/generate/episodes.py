@@ -138,7 +138,7 @@ class _ForkGuard:
     def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
         end_if_forked(self._process)
 
-    def note(self, frame: Frame) -> None:
+    def on_frame(self, frame: Frame) -> None:
         end_if_forked(self._process)
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:
