@@ -192,7 +192,7 @@ def _trial_episode() -> Finding:
     if platform.machine() not in ("x86_64", "AMD64"):  # the digest is known for these only
         return True, f"two runs of the same episode are equal; {speed}"
     if digest != DIGEST:
-        return False, f"numbers differ from those of other machines ({digest}); please report this with your processor"
+        return False, f"numbers differ from other machines ({digest}); please report this with your processor"
     return True, f"the same numbers as on other machines; {speed}"
 
 

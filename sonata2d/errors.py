@@ -26,7 +26,7 @@ class WorkerError(Sonata2dError):
 
 
 class KernelError(Sonata2dError):
-    """A kernel, such as that of a plug-in's pedestrian model, cannot be compiled."""
+    """A kernel, such as the kernel of a plug-in's pedestrian model, cannot be compiled."""
 
 
 class RecordError(Sonata2dError):
@@ -34,7 +34,7 @@ class RecordError(Sonata2dError):
 
 
 class InvalidFileError(RecordError):
-    """An episode file is complete JSON, but its content is not that of an episode.
+    """An episode file is complete JSON, but its content is not an episode.
 
     Attributes:
         findings: place and description of each problem.
@@ -89,7 +89,7 @@ class PluginWarning(UserWarning):
 
 
 class DatasetWarning(UserWarning):
-    """What an author stated about a data set, or edited in its folder, is not used or not kept."""
+    """A statement of an author about a data set, or an edit in its folder, is not used or not kept."""
 
 
 class MetricError(Sonata2dError):

@@ -261,7 +261,7 @@ _REGISTRIES = {
 
 
 def registered_objects() -> bytes:
-    """What other processes need to know the registered objects; empty if there are none.
+    """The registered objects, pickled for other processes; empty without any.
 
     Raises:
         Sonata2dError: an object cannot be sent to them.

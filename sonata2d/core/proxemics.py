@@ -32,7 +32,7 @@ def clearance(snapshot: Snapshot) -> float:
 
 
 def touched_kind(snapshot: Snapshot) -> str | None:
-    """What the robot touches: `human`, `object` or `wall`, the first of these; None for nothing."""
+    """Kind of outline that the robot touches: the first of `human`, `object` and `wall`; None for nothing."""
     touched = {contact.kind for contact in snapshot.contacts}
     return next((kind for kind in ("human", "object", "wall") if kind in touched), None)
 

@@ -96,7 +96,7 @@ class Social:
 
 
 Unmeasured = Literal["robot", "goal", "headings", "heads", "seed", "outcome"]
-"""What a recording of another program may lack; headings are the directions of pedestrians' bodies."""
+"""Data that a recording of another program may lack; headings are the directions of pedestrians' bodies."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -170,7 +170,7 @@ class Scene(Drawable):
 
     @cached_property
     def barrier_owner(self) -> tuple[tuple[str, int], ...]:
-        """What each barrier belongs to: ("wall", index) or ("object", id)."""
+        """Owner of each barrier: ("wall", index) or ("object", id)."""
         return tuple(owner for owner, edges in self._solids for _ in edges)
 
     @cached_property

@@ -241,7 +241,7 @@ class CrowdCommands(NamedTuple):
         facing: (N, 2), unit vectors of the desired headings of the bodies.
         gaze: (N, 2), unit vectors of the desired gazes.
         activity: (N,) of int, into `humans.ACTIVITIES`.
-        interactions: current ones, including those of absent pedestrians.
+        interactions: current ones, including interactions of absent pedestrians.
         refresh: for a pedestrian model so stiff that it must be evaluated several times in a tick: computes the (N, 2)
             accelerations, m/s^2, from the current (N + 1, 4) rows x, y, vx, vy with the robot last. Else None.
         evaluations: number of evaluations of the model in a tick.
@@ -272,7 +272,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How an episode ended: status, reason in words, and tick and time (s) of the end."""
+    """End of an episode: status, reason in words, tick and time (s)."""
 
     status: Status
     reason: str

@@ -23,7 +23,7 @@ _OVERLAP, _SMALLEST_RADIUS = 0.02, 0.05  # m
 
 
 def velocities(time: Array, poses: Array) -> Array:
-    """Return velocities as backward differences of poses, as a simulator's velocities are those of the last step.
+    """Return velocities as backward differences of poses, as a simulator gives the velocities of the last step.
 
     The first frame of an entity has no predecessor and takes the velocity of the next frame.
 

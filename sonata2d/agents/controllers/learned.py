@@ -40,7 +40,7 @@ class LearnedController(Controller):
             sha256 = str(settings["sha256"])[:8]
             raise ControllerError(
                 f"{policy._path or cls.stock} has other weights now than when the episode was recorded; "
-                f"provide those of SHA-256 {sha256}…"
+                f"provide the weights of SHA-256 {sha256}…"
             )
         policy._path = settings.get("weights", policy._path)
         return policy

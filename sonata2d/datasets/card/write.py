@@ -96,7 +96,7 @@ def write_card(
     manifest = _with_settings(folder, read_manifest(folder))
     warn_if_incomplete(folder, manifest)
     if creator is not None:
-        organisation = bool(organisation)  # what was stated of another creator does not hold for this one
+        organisation = bool(organisation)  # a statement about another creator does not hold for this one
     stored = stored_publication(folder)
     chosen = licence or _chosen_licence(folder, stored) or default_licence(manifest)
     statements: dict[str, Any] = {
