@@ -1,4 +1,4 @@
-"""What a brush draws on: shapes in pixels, drawn on a pygame surface or as SVG.
+"""Canvas of a brush: shapes in pixels, drawn on a pygame surface or as SVG.
 
 A shape is split into primitives, functions that draw on a surface. There are two sets of them. On a surface that is
 `fine` times larger than the finished picture, edges are hard, because making the picture smaller smooths them. On a

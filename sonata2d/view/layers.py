@@ -33,7 +33,7 @@ Ends = dict[int, tuple[Point, float]]  # by id: position and radius of the entit
 
 @dataclass(frozen=True, slots=True)
 class Layers:
-    """What a picture shows besides the room, the pedestrians and the robot."""
+    """Contents of a picture besides the room, the pedestrians and the robot."""
 
     gaze: bool = True
     links: bool = True

@@ -70,7 +70,7 @@ _COLOURS = {
 
 
 def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # noqa: B008  frozen
-    """What does not change during an episode.
+    """Constant data of an episode.
 
     Args:
         scene: the scene.
@@ -111,7 +111,7 @@ def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # no
 
 
 def state_data(snapshot: Snapshot) -> dict[str, Any]:
-    """What changes from tick to tick: time, rows of robot and pedestrians, links, contact, distances."""
+    """Data that change from tick to tick: time, rows of robot and pedestrians, links, contact, distances."""
     return {
         "time": _number(snapshot.time),
         "robot": _robot_row(snapshot),

@@ -325,5 +325,5 @@ def _is_start_announced(stamp: Path) -> bool:
         except FileExistsError:
             before = stamp.stat().st_mtime
             stamp.touch()
-            return stamp.stat().st_mtime - before < _SAME_START  # no clock is read: the clock of a file server may differ
+            return stamp.stat().st_mtime - before < _SAME_START  # no clock is read: a file server has its own
     return False
