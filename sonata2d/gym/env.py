@@ -38,7 +38,6 @@ from .state import MAX_SEED, EnvState, checked_state
 _RenderMode = Literal["human", "rgb_array", "rgb_array_list"]
 _LAYOUTS = 100  # episodes that `reset` tries if their scenes have no layout
 _DEFAULT_SIZE, _MAXIMUM_SIDE = (640, 640), 8192  # px
-_EXAMPLES = {"settings": {"wandering": 3}, "sizes": {"humans": 5}}
 
 
 class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
@@ -124,9 +123,9 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         sides = tuple(render_size) if isinstance(render_size, Iterable) else ()
         if len(sides) != 2 or not all(isinstance(side, int) and 1 <= side <= _MAXIMUM_SIDE for side in sides):
             raise ValueError(f"render_size must be two integers from 1 to {_MAXIMUM_SIDE}, got {render_size!r}")
-        for name, value in (("settings", settings), ("sizes", sizes)):
+        for name, value, example in (("settings", settings, "wandering"), ("sizes", sizes, "humans")):
             if not isinstance(value, Mapping | None):
-                raise TypeError(f"{name} must be a dictionary, e.g. {_EXAMPLES[name]}, got {value!r}")
+                raise TypeError(f"{name} must be a dictionary, e.g. {{{example!r}: 3}}, got {value!r}")
         config = scenario_of(scenario)
         self.config = config.changed(**settings) if settings else config
         self.metadata = {**self.metadata, "render_fps": max(round(1.0 / self.config.rules.dt), 1)}

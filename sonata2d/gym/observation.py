@@ -164,7 +164,8 @@ class Encoder:
     def reset(self, scene: Scene) -> None:
         """Begin an episode."""
         objects = np.array([piece.pose.position for piece in scene.furniture], dtype=float).reshape(-1, 2)
-        self._scene = Packed(_Scene(objects, wall_ends(scene), *self.rows, self.order == "nearest"))
+        rows = (self.rows.humans, self.rows.objects, self.rows.walls, self.rows.interactions)
+        self._scene = Packed(_Scene(objects, wall_ends(scene), *rows, self.order == "nearest"))
         self._everybody = np.ones(len(scene.humans), dtype=bool)
         ids = [*(human.id for human in scene.humans), *(piece.id for piece in scene.furniture)]
         self._index = {entity: k for k, entity in enumerate(ids)}

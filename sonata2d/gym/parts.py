@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
@@ -36,7 +37,8 @@ FARTHEST, FASTEST, FASTEST_TURN = 100.0, 20.0, 20.0  # m, m/s, rad/s: bounds of 
 OBJECT_TYPES = (*SIZES, "other")
 
 
-class Column(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Column:
     """A column of a part.
 
     Attributes:
@@ -77,7 +79,8 @@ def direction(cos: str = "cos", sin: str = "sin") -> tuple[Column, Column]:
     return _pair("vector", (cos, sin), "", 1.0)
 
 
-class Rows(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
     """The entities that have rows in an observation.
 
     Attributes:
@@ -397,10 +400,9 @@ def table_of(part: type[ObservationPart], observation: Observation) -> Table:
 
 def _object_row(piece: Furniture) -> tuple[float, ...]:
     """Columns of `Objects`, world frame."""
-    shape, (x, y), (c, s) = piece.shape, piece.pose.position, piece.pose.direction
-    is_disc = isinstance(shape, Disc)
+    shape, pose, is_disc = piece.shape, piece.pose, isinstance(piece.shape, Disc)
     length, width = (2.0 * shape.radius,) * 2 if isinstance(shape, Disc) else (shape.length, shape.width)
-    return x, y, c, s, min(length, FARTHEST), min(width, FARTHEST), float(is_disc)
+    return *pose.position, *pose.direction, min(length, FARTHEST), min(width, FARTHEST), float(is_disc)
 
 
 def wall_ends(scene: Scene) -> Array:
