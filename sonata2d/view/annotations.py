@@ -13,7 +13,7 @@ import pygame
 from ..core.geometry import Point
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
-from .canvas import Canvas
+from .canvas import Picture
 from .fonts import shortened, width_of
 from .palette import FAINT, FLOOR, INK, PAPER, Colour, mixed, time_colour
 
@@ -54,7 +54,7 @@ def value_text(value: Any) -> str:
 
 
 def draw_strip(
-    canvas: Canvas, size: tuple[int, int], text: str, scale: float, span: tuple[float, float] | None
+    canvas: Picture, size: tuple[int, int], text: str, scale: float, span: tuple[float, float] | None
 ) -> None:
     """Draw the caption on the left and the bars on the right of the strip.
 
@@ -72,7 +72,7 @@ def draw_strip(
     canvas.text(INK, shortened(text, right - _EDGE, TEXT), (_EDGE, middle), TEXT, "midleft")
 
 
-def _draw_scale_bar(canvas: Canvas, right: tuple[int, int], scale: float) -> int:
+def _draw_scale_bar(canvas: Picture, right: tuple[int, int], scale: float) -> int:
     """Draw a bar of one metre that ends at `right`; returns its leftmost pixel."""
     (x, y), length = right, round(scale)
     canvas.rectangle(INK, pygame.Rect(x - length, y - 1, length, 2))
@@ -81,7 +81,7 @@ def _draw_scale_bar(canvas: Canvas, right: tuple[int, int], scale: float) -> int
     return canvas.text(INK, "1 m", (x - length - 6, y), SMALL, "midright").left
 
 
-def _draw_time_bar(canvas: Canvas, right: tuple[int, int], span: tuple[float, float], length: int = 90) -> int:
+def _draw_time_bar(canvas: Picture, right: tuple[int, int], span: tuple[float, float], length: int = 90) -> int:
     """Draw the colours of the robot's trail between first and last time; returns the leftmost pixel."""
     end = canvas.text(FAINT, f"{span[1]:.1f} s", right, SMALL, "midright")
     x = end.left - 6 - length
@@ -90,7 +90,7 @@ def _draw_time_bar(canvas: Canvas, right: tuple[int, int], span: tuple[float, fl
     return canvas.text(FAINT, f"{span[0]:.1f}", (x - 6, right[1]), SMALL, "midright").left
 
 
-def draw_labels(canvas: Canvas, labels: Sequence[Label], size: int, unlabelled: Sequence[pygame.Rect] = ()) -> None:
+def draw_labels(canvas: Picture, labels: Sequence[Label], size: int, unlabelled: Sequence[pygame.Rect] = ()) -> None:
     """Draw small texts on light plates beside what they name, so that they do not hide each other where possible.
 
     Args:

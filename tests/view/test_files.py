@@ -17,13 +17,12 @@ from PIL import Image
 from sonata2d.core.proxemics import clearance
 from sonata2d.core.snapshot import Contact
 from sonata2d.errors import RenderError
-from sonata2d.view.draw import picture
 from sonata2d.view.episode_files import render
 from sonata2d.view.film import _tail, paced, save_film
 from sonata2d.view.interpolation import between
 from sonata2d.view.layers import Layers
 from sonata2d.view.palette import PURPLE
-from sonata2d.view.stills import MOMENT_SIDE, filmstrip, save_moment
+from sonata2d.view.stills import MOMENT_SIDE, filmstrip, picture, save_moment
 from sonata2d.view.trails import Trails
 
 from .conftest import pixels, snapshot_at

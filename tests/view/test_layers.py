@@ -8,8 +8,8 @@ from itertools import combinations
 from sonata2d.core.entities import AT_OBJECT, TALKING, Group, Interaction
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import Snapshot
-from sonata2d.view.draw import picture
 from sonata2d.view.layers import Layers, interacting_groups, visible_interactions
+from sonata2d.view.stills import picture
 
 from .conftest import snapshot_at
 
