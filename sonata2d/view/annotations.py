@@ -91,12 +91,12 @@ def _draw_time_bar(canvas: Picture, right: tuple[int, int], span: tuple[float, f
 
 
 def draw_labels(canvas: Picture, labels: Sequence[Label], size: int, unlabelled: Sequence[pygame.Rect] = ()) -> None:
-    """Draw small texts on light plates beside what they name, so that they do not hide each other where possible.
+    """Draw small texts on light plates beside their objects, so that they do not hide each other where possible.
 
     Args:
-        labels: in order of importance; a label avoids those before it, and what any label names.
+        labels: in order of importance; a label avoids the labels before it, and the objects of all labels.
         size: font size, px.
-        unlabelled: boxes of what has no label, which labels avoid too, px.
+        unlabelled: boxes of objects without a label, which labels avoid too, px.
     """
     taken: list[pygame.Rect] = []
     bodies = [label.body for label in labels]
@@ -113,7 +113,7 @@ def draw_labels(canvas: Picture, labels: Sequence[Label], size: int, unlabelled:
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """A text, and the pixels of what it names: a box around `centre` that extends by `radius`."""
+    """A text, and the pixels of its object: a box around `centre` that extends by `radius`."""
 
     text: str
     centre: Point
@@ -130,12 +130,12 @@ def _places_beside(label: Label, size: int) -> list[pygame.Rect]:
     """Boxes for the label above, below, right and left of its entity, then at the corners."""
     box, body = pygame.Rect(0, 0, width_of(label.text, size) + 5, size - 1), label.body.inflate(4, 4)
     places = []
-    for own, other in (
+    for corner, opposite in (
         ("midbottom", "midtop"), ("midtop", "midbottom"), ("midleft", "midright"), ("midright", "midleft"),
         ("bottomleft", "topright"), ("bottomright", "topleft"), ("topleft", "bottomright"),
         ("topright", "bottomleft"),
     ):  # fmt: skip
         place = box.copy()
-        setattr(place, own, getattr(body, other))
+        setattr(place, corner, getattr(body, opposite))
         places.append(place)
     return places

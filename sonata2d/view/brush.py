@@ -29,7 +29,9 @@ Part = tuple[tuple[Any, ...], Callable[["Brush"], None], Point]
 
 @dataclass(frozen=True, slots=True)
 class Brush:
-    """Draws on `canvas` as `camera` sees it; points are (ahead, left) of the brush's pose, m.
+    """A pen with a pose in the world, which draws on `canvas` as `camera` sees it.
+
+    Points are (ahead, left) of the pose, m.
 
     Attributes:
         hairline: the smallest width of a line, in pixels of the canvas: one pixel of the finished picture.
@@ -63,7 +65,7 @@ class Brush:
                 draw(self.at(position, direction))
 
     def inside(self, outline: Sequence[Point]) -> AbstractContextManager[None]:
-        """Restrict to a polygon what is drawn inside the context."""
+        """Clip all drawing within the context to a polygon."""
         return self.canvas.inside(self.pixels(outline))
 
     def pixels(self, points: Sequence[Point]) -> list[Point]:

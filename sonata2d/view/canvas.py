@@ -1,4 +1,4 @@
-"""What a brush draws on: shapes in pixels, drawn on a pygame surface or as SVG.
+"""Canvases of pixels, on which shapes are drawn; `svg` has the canvas of vectors with the same methods.
 
 A shape is split into primitives, functions that draw on a surface. There are two sets of them. On a surface that is
 `fine` times larger than the finished picture, edges are hard, because making the picture smaller smooths them. On a
@@ -32,7 +32,7 @@ Primitive = Callable[..., object]  # draws; its arguments: surface, colour, poin
 
 
 class RasterCanvas:
-    """Shapes in pixels, measured right and down from the upper left corner, split into primitives.
+    """A canvas that splits shapes into primitives; points are pixels right of and below the upper left corner.
 
     A subclass draws or records the primitives.
 
@@ -102,11 +102,11 @@ class RasterCanvas:
         return box
 
     def group(self, kind: str) -> AbstractContextManager[None]:
-        """Mark what is drawn inside as one object of a kind, on canvases that can express it."""
+        """Mark all shapes drawn within the context as one object of a kind, on canvases that can express it."""
         return nullcontext()
 
     def inside(self, outline: Sequence[Point]) -> AbstractContextManager[None]:
-        """Restrict to a polygon what is drawn inside the context."""
+        """Clip all drawing within the context to a polygon."""
         raise NotImplementedError
 
     def _fill(self, colour: Colour, points: Sequence[Point]) -> None:
@@ -126,7 +126,7 @@ class RasterCanvas:
 
 
 class PixelCanvas(RasterCanvas):
-    """A pygame surface.
+    """A canvas of pixels: a pygame surface.
 
     Args:
         surface: drawn on.

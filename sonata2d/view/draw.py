@@ -20,7 +20,7 @@ from .projection import DEFAULT_SIDE, Camera
 from .room import FloorPlan, draw_room
 from .trails import Trails, draw_trails
 
-FINE, QUICK = 4, 2  # supersampling factors; powers of two, because pygame's smoothscale darkens others slightly
+_FINE, QUICK = 4, 2  # supersampling factors; powers of two, because pygame's smoothscale darkens others slightly
 _LABEL, _MIN_LABEL = 0.3, 13  # m and px: font size of ids, and its lower limit
 _LARGE = 2_000_000  # px; larger pictures use QUICK
 
@@ -53,7 +53,7 @@ def backdrop(
         outside: colour around the room; None leaves it transparent.
         fine: supersampling factor; by default 4, or 2 for a large picture.
     """
-    fine = fine or (FINE if camera.size[0] * camera.size[1] < _LARGE else QUICK)
+    fine = fine or (_FINE if camera.size[0] * camera.size[1] < _LARGE else QUICK)
     supersampled = camera.supersampled(fine)
     surface = pygame.Surface(supersampled.size, pygame.SRCALPHA if outside is None else 0, 32)
     surface.fill(outside if outside is not None else (*WALL, 0))

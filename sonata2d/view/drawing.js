@@ -1,4 +1,4 @@
-// Draws a scene on a canvas as the window does: metres, world frame, y up. The data are those of scene_data.py.
+// Draws a scene on a canvas as the window does: metres, world frame, y up. scene_data.py makes the data.
 
 const GAZE_RANGE = .75, GAZE_RAYS = [-3, -2, -1, 0, 1, 2, 3].map(k => .38 * k / 3);   // m beyond the outline; rad
 const VIEW_RANGE = 5, DOWN = .72;           // of the follow view: m to the upper edge; position of the robot from the top
@@ -11,7 +11,7 @@ const SYMBOL_SCALE = 100;                   // pixels per metre
 const blend = (a, b, s) => a + (b - a) * s;
 const turn = (a, b, s) => a + Math.atan2(Math.sin(b - a), Math.cos(b - a)) * s;
 
-/** A row (x, y, theta, ...) between two ticks; further values are those of the earlier one. */
+/** A row (x, y, theta, ...) between two ticks; further values come from the earlier one. */
 function pose(a, b, s) {
   return a && (b ? [blend(a[0], b[0], s), blend(a[1], b[1], s), turn(a[2], b[2], s), ...a.slice(3)] : a);
 }

@@ -75,8 +75,8 @@ def render(
         raise RenderError(
             f"cannot render {str(path)!r}: its suffix selects the format; end the name in one of {', '.join(SUFFIXES)}"
         )
-    given = {"fps": fps, "speed": speed, "size": size, "scale": scale, "strip": strip}
-    for name, value in given.items():
+    options = {"fps": fps, "speed": speed, "size": size, "scale": scale, "strip": strip}
+    for name, value in options.items():
         if value is not None and suffix not in _SUFFIXES_OF[name]:
             raise RenderError(f"{path}: {name} has no effect on this format, only on {', '.join(_SUFFIXES_OF[name])}")
     if strip is not None and size is not None:

@@ -37,7 +37,7 @@ _GIF_COLOUR_STEP = 8  # Pillow matches colours in steps of 4, so that it may con
 
 
 class FilmPainter:
-    """Draws the pictures of a film of one scene.
+    """Painter of a film of one scene.
 
     Args:
         scene: of all snapshots.
@@ -94,7 +94,7 @@ def save_film(
         speed: seconds of the episode per second of the film.
         interpolate: interpolate between ticks; otherwise each picture shows the last tick.
         size, scale, layers, caption, outcome: as for `picture`; without size and scale, the longer side of a GIF's
-            room has at most 640 px. The legend is that of the whole film, which is read before the first picture is
+            room has at most 640 px. A legend explains the whole film, which is then read before the first picture is
             drawn.
         advance: called with 1 for each snapshot that was drawn, as of a progress bar.
 
@@ -169,7 +169,7 @@ def _is_gif(path: Path) -> bool:
 
 
 def _pace_of(path: Path, fps: float | None, speed: float) -> float:
-    """Pictures per second of a film; by default those of its format.
+    """Pictures per second of a film; by default 10 for a GIF, 30 for an MP4.
 
     Raises:
         RenderError: fps or speed is out of range.
@@ -205,13 +205,12 @@ def _counted(snapshots: Iterable[Snapshot], advance: Callable[[int], None]) -> I
         advance(1)
 
 
-def paced(snapshots: Iterable[Snapshot], step: float, *, interpolate: bool = True) -> Iterator[Snapshot]:
-    """The episode sampled every `step` seconds, including its first and its last snapshot."""
-    return (shown for shown, _ in _sampled(snapshots, step, interpolate=interpolate))
-
-
 def _sampled(snapshots: Iterable[Snapshot], step: float, *, interpolate: bool) -> Iterator[tuple[Snapshot, Snapshot]]:
-    """The snapshots that `paced` returns, each with the snapshot of the last tick up to it."""
+    """The episode sampled every `step` seconds, including its first and its last snapshot.
+
+    Yields:
+        The sample, and the snapshot of the last tick up to it.
+    """
     before, count = None, 0
     for after in snapshots:
         if before is None:

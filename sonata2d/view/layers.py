@@ -182,7 +182,7 @@ def draw_interactions(
 ) -> None:
     """Draw the spaces shared by interacting pedestrians, and the links between interacting entities."""
     ends = _link_ends(snapshot, humans)
-    groups = [members for members, _ in interacting_groups(snapshot, "talking")] if spaces else []
+    groups = [members for members, _ in _interacting_groups(snapshot, "talking")] if spaces else []
     for members in groups:
         _draw_group_space(brush, [ends[member][0] for member in members if member in ends])
     grouped = {member for members in groups for member in members}
@@ -195,11 +195,11 @@ def draw_interactions(
 
 def visible_interactions(snapshot: Snapshot) -> list[Interaction]:
     """The interactions to draw: in a group of more than two, only those between neighbours, which keeps it legible."""
-    hidden = {pair for group, closed in interacting_groups(snapshot) for pair in _distant_pairs(group, closed=closed)}
+    hidden = {pair for group, closed in _interacting_groups(snapshot) for pair in _distant_pairs(group, closed=closed)}
     return [link for link in snapshot.interactions if frozenset((link.src, link.dst)) not in hidden]
 
 
-def interacting_groups(snapshot: Snapshot, kind: str | None = None) -> list[tuple[list[int], bool]]:
+def _interacting_groups(snapshot: Snapshot, kind: str | None = None) -> list[tuple[list[int], bool]]:
     """Groups of which at least three members interact with each other at this tick.
 
     Args:
@@ -209,13 +209,13 @@ def interacting_groups(snapshot: Snapshot, kind: str | None = None) -> list[tupl
         For each group the ids of these members in their order, and whether the last one stands next to the first.
     """
     pairs = {frozenset((link.src, link.dst)) for link in snapshot.interactions}
-    found = []
+    interacting = []
     for group in snapshot.scene.groups:
         if kind in (None, group.kind):
             members = [a for a in group.members if any(a != b and frozenset((a, b)) in pairs for b in group.members)]
             if len(members) > 2:
-                found.append((members, group.formation == "circle"))
-    return found
+                interacting.append((members, group.formation == "circle"))
+    return interacting
 
 
 def _distant_pairs(members: Sequence[int], *, closed: bool) -> set[frozenset[int]]:

@@ -28,7 +28,7 @@ _SMALL_IMAGE = 40_000  # px; images up to this size are supersampled, because th
 
 
 class Painter:
-    """Draws snapshots of one scene on surfaces, and caches what several pictures need.
+    """Painter of snapshots of one scene, which caches the room and the figures.
 
     Args:
         scene: the scene of all snapshots.

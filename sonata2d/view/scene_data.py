@@ -60,7 +60,7 @@ _COLOURS = {
 
 
 def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # noqa: B008  frozen
-    """What does not change during an episode.
+    """The data of a scene that stay the same during an episode.
 
     Args:
         scene: the scene.
@@ -102,7 +102,7 @@ def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # no
 
 
 def _symbols(scene: Scene) -> dict[str, str]:
-    """Drawings around the origin, as SVG elements; heads and limbs are those of a body of size 1 m."""
+    """Drawings around the origin, as SVG elements; heads and limbs belong to a body of size 1 m."""
     radius = scene.robot.radius
     drawings: dict[str, Callable[[Brush], None]] = {
         "goal": partial(draw_target, radius=scene.goal.distance),
@@ -123,7 +123,7 @@ def _symbols(scene: Scene) -> dict[str, str]:
 
 
 def state_data(snapshot: Snapshot) -> dict[str, Any]:
-    """What changes from tick to tick: time, rows of robot and pedestrians, links, contact, distances."""
+    """The data of one tick: time, rows of robot and pedestrians, links, contact, distances."""
     return {
         "time": _number(snapshot.time),
         "robot": _robot_row(snapshot),
@@ -135,7 +135,7 @@ def state_data(snapshot: Snapshot) -> dict[str, Any]:
 
 
 def states_data(snapshots: Sequence[Snapshot]) -> list[dict[str, Any]]:
-    """The states of an episode; one that has no `links` has those of the state before."""
+    """The states of an episode; a state without `links` has the links of the state before."""
     states: list[dict[str, Any]] = []
     links = None
     for snapshot in snapshots:

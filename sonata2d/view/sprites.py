@@ -30,10 +30,10 @@ _SMALL = 24.0  # px, radius of drawings whose tiles are squares around them
 _STEPS, _TURNS = 8, 400  # positions are cached per 1/8 pixel, unit vectors per 1/400
 _MAX_SPRITES, _MAX_PIXELS = 2000, 6_000_000
 
-Shape = tuple[Primitive, Colour, int, int, tuple[Any, ...]]  # primitive, colour, range of its points, settings
+_Shape = tuple[Primitive, Colour, int, int, tuple[Any, ...]]  # primitive, colour, range of its points, settings
 
 
-class Recorder(RasterCanvas):
+class _Recorder(RasterCanvas):
     """A canvas that records primitives, so that they can be drawn at other positions and rotations.
 
     Args:
@@ -49,7 +49,7 @@ class Recorder(RasterCanvas):
         super().__init__(fine)
         self.points: list[Point] = []
         self.margins: list[float] = []
-        self.shapes: list[Shape] = []
+        self.shapes: list[_Shape] = []
 
     def wash(self, colour: Colour, alpha: int, points: Sequence[Point]) -> None:
         if self.fine > 1:
@@ -72,7 +72,7 @@ def _tile_wash(surface: pygame.Surface, colour: Colour, points: Sequence[Point],
 
 
 @dataclass(frozen=True, slots=True)
-class Sprite:
+class _Sprite:
     """A recorded drawing.
 
     Attributes:
@@ -86,11 +86,11 @@ class Sprite:
     points: Array
     margin: Array
     radius: float
-    shapes: tuple[Shape, ...]
+    shapes: tuple[_Shape, ...]
     fine: int
 
     @classmethod
-    def of(cls, draw: Callable[[Brush], None], scale: float, fine: int | None = None) -> Sprite:
+    def of(cls, draw: Callable[[Brush], None], scale: float, fine: int | None = None) -> _Sprite:
         """Record a drawing.
 
         Args:
@@ -98,7 +98,7 @@ class Sprite:
             scale: pixels per metre of the picture.
             fine: supersampling factor; by default chosen by the size of the drawing.
         """
-        recorder = Recorder(fine or _FINE)
+        recorder = _Recorder(fine or _FINE)
         draw(Brush(recorder, Camera(scale * recorder.fine, 0.0, 0.0, (0, 0)), recorder.fine))
         points = np.array(recorder.points, dtype=float).reshape(-1, 2)
         margin = np.array(recorder.margins, dtype=float).reshape(-1, 1) + 1.0
@@ -138,7 +138,7 @@ class SpriteCache:
     """Sprites by key, and their images, so that a drawing that does not move is made once."""
 
     def __init__(self) -> None:
-        self._sprites: dict[tuple[Any, ...], Sprite] = {}
+        self._sprites: dict[tuple[Any, ...], _Sprite] = {}
         self._images: dict[tuple[Any, ...], tuple[pygame.Surface, int, int]] = {}
         self._pixels = 0  # of all images
 
@@ -174,17 +174,17 @@ class SpriteCache:
         image, left, top = known
         put(surface, image, column + left, row + top)
 
-    def _sprite(self, scale: float, part: Part, fine: int | None) -> Sprite:
+    def _sprite(self, scale: float, part: Part, fine: int | None) -> _Sprite:
         key = scale, fine, part[0]
         known = self._sprites.get(key)
         if known is None:
             if len(self._sprites) >= _MAX_SPRITES:  # resizing a window goes through many scales
                 self._sprites.clear()
-            known = self._sprites[key] = Sprite.of(part[1], scale, fine)
+            known = self._sprites[key] = _Sprite.of(part[1], scale, fine)
         return known
 
 
-def _image(place: Point, parts: Sequence[tuple[Sprite, Point]]) -> tuple[pygame.Surface, int, int]:
+def _image(place: Point, parts: Sequence[tuple[_Sprite, Point]]) -> tuple[pygame.Surface, int, int]:
     """A premultiplied image of sprites on top of each other, and its left and top in pixels.
 
     Args:

@@ -97,7 +97,7 @@ class SvgCanvas:
 
     @contextmanager
     def clip(self, size: tuple[int, int]) -> Iterator[None]:
-        """Clip what is drawn inside to a box of this size in pixels at the upper left corner."""
+        """Clip all drawing within the context to a box of a size in pixels at the upper left corner."""
         frame = {"width": str(size[0]), "height": str(size[1]), "overflow": "hidden"}
         with self._nested(ElementTree.SubElement(self._parent, "svg", frame)):
             yield
@@ -121,7 +121,7 @@ class SvgCanvas:
 
     @contextmanager
     def _nested(self, element: ElementTree.Element) -> Iterator[None]:
-        """Add what is drawn inside to an element."""
+        """Add all shapes drawn within the context to an element."""
         outer, self._parent = self._parent, element
         try:
             yield

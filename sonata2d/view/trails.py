@@ -103,7 +103,7 @@ def draw_mark_sample(brush: Brush) -> None:
 
 
 def draw_path_samples(brush: Brush, *, robot: bool) -> None:
-    """Draw pieces of paths, 0.4 m long, around the brush: the robot's, if it is to be drawn, above those of two people.
+    """Draw pieces of paths, 0.4 m long, around the brush: the robot's, if it is to be drawn, above two others.
 
     The widths are those of paths at a common scale, so that they can be recognised.
     """

@@ -12,7 +12,7 @@ from sonata2d.core.geometry import Pose
 from sonata2d.core.snapshot import Contact
 from sonata2d.view.canvas import PixelCanvas
 from sonata2d.view.draw import camera_for
-from sonata2d.view.film import FilmPainter, paced
+from sonata2d.view.film import FilmPainter, _sampled
 from sonata2d.view.layers import Layers
 from sonata2d.view.legend import Legend
 from sonata2d.view.stills import picture
@@ -34,7 +34,8 @@ def shown(scene):
         snapshot.humans.state[:, :2] += 0.05 * tick
     episode[2] = replace(episode[2], contacts=(Contact("wall", 0, True, False),))
     episode[3] = replace(episode[3], humans=episode[3].humans.select(np.array([0, 1, 3])))
-    return [*paced(episode, 0.05), snapshot_at(scene, 7, Pose(5.0, 2.0))]
+    samples = _sampled(episode, 0.05, interpolate=True)
+    return [*(sample for sample, _ in samples), snapshot_at(scene, 7, Pose(5.0, 2.0))]
 
 
 @pytest.mark.parametrize("layers", LAYERS)
