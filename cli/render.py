@@ -62,7 +62,8 @@ def command(
     that plays an episode (.html).
     """
     from sonata2d.record.reader import read_episode
-    from sonata2d.view.episode_files import FILM_SUFFIXES, render
+    from sonata2d.view.episode_files import render
+    from sonata2d.view.film import FILM_SUFFIXES
     from sonata2d.view.layers import Layers
 
     if file.is_dir():

@@ -56,7 +56,8 @@ def command(scenario: str, controller: str, seed: int, episode: int, outputs: tu
     from sonata2d.scenegen.generator import generate
     from sonata2d.scenegen.scenario.load import scenario_of
     from sonata2d.sim.episode import Episode, controller_info_of, renderer_for
-    from sonata2d.view.episode_files import FILM_SUFFIXES, SUFFIXES as DRAWN, render
+    from sonata2d.view.episode_files import SUFFIXES as DRAWN, render
+    from sonata2d.view.film import FILM_SUFFIXES
 
     for path in outputs:  # before the run
         if path.suffix.lower() not in DRAWN and not path.name.endswith(SUFFIXES):

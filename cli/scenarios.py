@@ -79,7 +79,8 @@ def draw_scenario(scenario: str, output: Path, scenes: int, seed: int) -> None:
     """Draw scenes generated from a scenario side by side."""
     from sonata2d.scenegen.generator import generate
     from sonata2d.scenegen.scenario.load import load_scenario
-    from sonata2d.view.stills import save_surface, scene_picture
+    from sonata2d.view.sheets import scene_picture
+    from sonata2d.view.stills import save_surface
 
     config = load_scenario(scenario)
     save_surface(scene_picture(*(generate(config, seed, episode) for episode in range(scenes))), output)

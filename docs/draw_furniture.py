@@ -14,12 +14,11 @@ from sonata2d.core.scene import Scene
 from sonata2d.scenegen.scenario.sections import SIZES, shape_of_size
 from sonata2d.view.brush import Brush
 from sonata2d.view.canvas import PixelCanvas
-from sonata2d.view.draw import picture
 from sonata2d.view.furniture import half_size
 from sonata2d.view.layers import Layers
 from sonata2d.view.palette import BLUE, FAINT, INK, Colour
 from sonata2d.view.projection import Camera
-from sonata2d.view.stills import save_surface, snapshot_of
+from sonata2d.view.stills import picture, save_surface, snapshot_of
 
 ROOT = Path(__file__).parent.parent
 

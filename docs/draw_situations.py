@@ -14,11 +14,11 @@ from sonata2d.core.snapshot import Snapshot
 from sonata2d.metrics.situations import SITUATIONS, judge
 from sonata2d.registry import ROOM_KINDS
 from sonata2d.scenegen.scenario.rooms import RoomConfig
-from sonata2d.view.draw import picture
 from sonata2d.view.episode_files import render
 from sonata2d.view.film import save_film
 from sonata2d.view.layers import Layers
-from sonata2d.view.stills import save_surface, scene_picture
+from sonata2d.view.sheets import scene_picture
+from sonata2d.view.stills import picture, save_surface
 
 ROOT = Path(__file__).parent.parent
 

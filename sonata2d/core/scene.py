@@ -19,7 +19,7 @@ from .humans import HumanTable, activity_indices, frozen
 from .portable_math import Array, IntArray
 from .wording import counted
 
-PARKING_DISTANCE, PARKING_SPACING = 200.0, 5.0  # m, of absent pedestrians from the room and from each other
+_PARKING_DISTANCE, _PARKING_SPACING = 200.0, 5.0  # m, of absent pedestrians from the room and from each other
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,8 +197,8 @@ class Scene(Drawable):
     @cached_property
     def parking(self) -> Array:
         """A place for each pedestrian far from the room, where it is kept while it is absent; (N, 2), m, read-only."""
-        x, y = self.outline.max(axis=0).tolist()
-        places = [(x + PARKING_DISTANCE, y + PARKING_DISTANCE + PARKING_SPACING * k) for k in range(len(self.humans))]
+        x, y = (self.outline.max(axis=0) + _PARKING_DISTANCE).tolist()
+        places = [(x, y + _PARKING_SPACING * k) for k in range(len(self.humans))]
         return frozen(np.array(places, dtype=float).reshape(-1, 2))
 
     @cached_property

@@ -13,7 +13,7 @@ import pygame
 from ..core.geometry import Point
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
-from .canvas import Canvas
+from .canvas import Picture
 from .fonts import shortened, width_of
 from .palette import FAINT, FLOOR, INK, PAPER, Colour, mixed, time_colour
 
@@ -54,7 +54,7 @@ def value_text(value: Any) -> str:
 
 
 def draw_strip(
-    canvas: Canvas, size: tuple[int, int], text: str, scale: float, span: tuple[float, float] | None
+    canvas: Picture, size: tuple[int, int], text: str, scale: float, span: tuple[float, float] | None
 ) -> None:
     """Draw the caption on the left and the bars on the right of the strip.
 
@@ -72,7 +72,7 @@ def draw_strip(
     canvas.text(INK, shortened(text, right - _EDGE, TEXT), (_EDGE, middle), TEXT, "midleft")
 
 
-def _draw_scale_bar(canvas: Canvas, right: tuple[int, int], scale: float) -> int:
+def _draw_scale_bar(canvas: Picture, right: tuple[int, int], scale: float) -> int:
     """Draw a bar of one metre that ends at `right`; returns its leftmost pixel."""
     (x, y), length = right, round(scale)
     canvas.rectangle(INK, pygame.Rect(x - length, y - 1, length, 2))
@@ -81,7 +81,7 @@ def _draw_scale_bar(canvas: Canvas, right: tuple[int, int], scale: float) -> int
     return canvas.text(INK, "1 m", (x - length - 6, y), SMALL, "midright").left
 
 
-def _draw_time_bar(canvas: Canvas, right: tuple[int, int], span: tuple[float, float], length: int = 90) -> int:
+def _draw_time_bar(canvas: Picture, right: tuple[int, int], span: tuple[float, float], length: int = 90) -> int:
     """Draw the colours of the robot's trail between first and last time; returns the leftmost pixel."""
     end = canvas.text(FAINT, f"{span[1]:.1f} s", right, SMALL, "midright")
     x = end.left - 6 - length
@@ -90,13 +90,13 @@ def _draw_time_bar(canvas: Canvas, right: tuple[int, int], span: tuple[float, fl
     return canvas.text(FAINT, f"{span[0]:.1f}", (x - 6, right[1]), SMALL, "midright").left
 
 
-def draw_labels(canvas: Canvas, labels: Sequence[Label], size: int, unlabelled: Sequence[pygame.Rect] = ()) -> None:
-    """Draw small texts on light plates beside what they name, so that they do not hide each other where possible.
+def draw_labels(canvas: Picture, labels: Sequence[Label], size: int, unlabelled: Sequence[pygame.Rect] = ()) -> None:
+    """Draw small texts on light plates beside their objects, so that they do not hide each other where possible.
 
     Args:
-        labels: in order of importance; a label avoids those before it, and what any label names.
+        labels: in order of importance; a label avoids the labels before it, and the objects of all labels.
         size: font size, px.
-        unlabelled: boxes of what has no label, which labels avoid too, px.
+        unlabelled: boxes of objects without a label, which labels avoid too, px.
     """
     taken: list[pygame.Rect] = []
     bodies = [label.body for label in labels]
@@ -113,7 +113,7 @@ def draw_labels(canvas: Canvas, labels: Sequence[Label], size: int, unlabelled: 
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """A text, and the pixels of what it names: a box around `centre` that extends by `radius`."""
+    """A text, and the pixels of its object: a box around `centre` that extends by `radius`."""
 
     text: str
     centre: Point
@@ -130,12 +130,12 @@ def _places_beside(label: Label, size: int) -> list[pygame.Rect]:
     """Boxes for the label above, below, right and left of its entity, then at the corners."""
     box, body = pygame.Rect(0, 0, width_of(label.text, size) + 5, size - 1), label.body.inflate(4, 4)
     places = []
-    for own, other in (
+    for corner, opposite in (
         ("midbottom", "midtop"), ("midtop", "midbottom"), ("midleft", "midright"), ("midright", "midleft"),
         ("bottomleft", "topright"), ("bottomright", "topleft"), ("topleft", "bottomright"),
         ("topright", "bottomleft"),
     ):  # fmt: skip
         place = box.copy()
-        setattr(place, own, getattr(body, other))
+        setattr(place, corner, getattr(body, opposite))
         places.append(place)
     return places

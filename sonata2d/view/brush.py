@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,7 +29,9 @@ Part = tuple[tuple[Any, ...], Callable[["Brush"], None], Point]
 
 @dataclass(frozen=True, slots=True)
 class Brush:
-    """Draws on `canvas` as `camera` sees it; points are (ahead, left) of the brush's pose, m.
+    """A pen with a pose in the world, which draws on `canvas` as `camera` sees it.
+
+    Points are (ahead, left) of the pose, m.
 
     Attributes:
         hairline: the smallest width of a line, in pixels of the canvas: one pixel of the finished picture.
@@ -61,6 +64,10 @@ class Brush:
             for _, draw, direction in parts:
                 draw(self.at(position, direction))
 
+    def inside(self, outline: Sequence[Point]) -> AbstractContextManager[None]:
+        """Clip all drawing within the context to a polygon."""
+        return self.canvas.inside(self.pixels(outline))
+
     def pixels(self, points: Sequence[Point]) -> list[Point]:
         """Transform points from the brush's frame to pixels of the canvas."""
         (c, s), camera = self.direction, self.camera
@@ -78,13 +85,6 @@ class Brush:
         """Draw a circle line whose outer edge is at `radius`."""
         self.canvas.ring(colour, self.pixels([centre])[0], radius * self.camera.scale, self.thickness(width))
 
-    def dashed_ring(self, colour: Colour, centre: Point, radius: float, width: float, dashes: int) -> None:
-        """Draw a circle line of `dashes` dashes, separated by gaps of the same length."""
-        for k in range(dashes):
-            angles = [(k + part / 12) * 2 * math.pi / dashes for part in range(7)]
-            r = radius - width / 2
-            self.stroke(colour, [(centre[0] + r * math.cos(t), centre[1] + r * math.sin(t)) for t in angles], width)
-
     def body(self, colour: Colour, radius: float, shoulder: float) -> None:
         """Fill the outline of a person: all within `radius` of a line across, which is twice `shoulder` long; m."""
         if shoulder > 0.0:
@@ -93,7 +93,7 @@ class Brush:
             self.disc(colour, (0.0, 0.0), radius)
 
     def dashed_body(self, colour: Colour, radius: float, shoulder: float, width: float, dashes: int) -> None:
-        """Draw the outline of a person as a line of `dashes` dashes, separated by gaps of the same length."""
+        """Draw the outline of a person, or a circle, as dashes separated by gaps of the same length."""
         for k in range(dashes):
             self.stroke(colour, body_arc(radius - width / 2, shoulder, k / dashes, (k + 0.5) / dashes, 7), width)
 
@@ -133,10 +133,11 @@ class Brush:
 
     def dots(self, colour: Colour, start: Point, end: Point, radius: float, spacing: float) -> None:
         """Draw evenly spaced dots from start to end, about `spacing` metres apart."""
-        (ax, ay), (bx, by) = start, end
-        count = max(round(math.hypot(bx - ax, by - ay) / spacing), 1)
+        (ax, ay), (bx, by) = self.pixels([start, end])
+        count = max(round(math.hypot(bx - ax, by - ay) / (spacing * self.camera.scale)), 1)
         for k in range(count + 1):
-            self.disc(colour, (ax + (bx - ax) * k / count, ay + (by - ay) * k / count), radius)
+            place = ax + (bx - ax) * k / count, ay + (by - ay) * k / count
+            self.canvas.circle(colour, place, radius * self.camera.scale)
 
     def wash(self, colour: Colour, alpha: int, points: Sequence[Point]) -> None:
         """Draw a translucent polygon; alpha is 0 (invisible) to 255."""

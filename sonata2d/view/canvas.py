@@ -1,4 +1,4 @@
-"""Canvas of a brush: shapes in pixels, drawn on a pygame surface or as SVG.
+"""Canvases of pixels, on which shapes are drawn; `svg` has the canvas of vectors with the same methods.
 
 A shape is split into primitives, functions that draw on a surface. There are two sets of them. On a surface that is
 `fine` times larger than the finished picture, edges are hard, because making the picture smaller smooths them. On a
@@ -7,31 +7,32 @@ surface of the picture's own size, edges are antialiased, which is faster for la
 
 from __future__ import annotations
 
+import io
 import math
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
 import pygame
 
 from ..core.geometry import Point
 from ..core.portable_math import Array
 from .fonts import rendered
-from .palette import Colour
-from .polygons import ends_and_bends, filling, pixel_centres, pixels_of, ribbon, step_ribbons, widened
+from .palette import PAPER, Colour
+from .polygons import ends_and_bends, filling, pixel_centres, pixels_of, ribbon, widened
 from .svg import SvgCanvas
 
 _LARGE = 40.0  # px, radius above which an antialiased circle is drawn 2 instead of 4 times larger
 _DOT = 8.0  # px, radius up to which images of antialiased discs are kept
 
-# Its arguments: surface, colour, points, and further settings of the primitive; it returns the box of changed pixels.
-Primitive = Callable[..., pygame.Rect]
+Primitive = Callable[..., object]  # draws; its arguments: surface, colour, points, and further settings
 
 
 class RasterCanvas:
-    """Shapes in pixels, measured right and down from the upper left corner, split into primitives.
+    """A canvas that splits shapes into primitives; points are pixels right of and below the upper left corner.
 
     A subclass draws or records the primitives.
 
@@ -68,27 +69,23 @@ class RasterCanvas:
             self.circle(colour, point, width / 2)
 
     def steps(self, colours: Sequence[Colour], steps: Array, width: float) -> None:
-        """Draw lines with round ends.
+        """Draw the steps of paths, each in its own colour; on a larger surface with round ends.
 
         Args:
-            colours: of the K lines.
+            colours: of the K steps.
             steps: (K, 2, 2), start and end of each, px.
             width: px.
         """
-        pairs = [(tuple(start), tuple(end)) for start, end in steps.tolist()]
-        if self.fine == 1:
-            for colour, pair in zip(colours, pairs, strict=True):
-                self.stroke(colour, pair, width)
-            return
-        is_wide, radius = self._is_wide(width), width / 2
-        starts = [start for start, _ in pairs[1:]]
-        outlines = step_ribbons(steps, radius).tolist()
-        for colour, (start, end), following, outline in zip(colours, pairs, [*starts, None], outlines, strict=True):
-            self.draw(pygame.draw.polygon, colour, outline, 0.0)
-            if is_wide:
-                self.draw(_hard_circle, colour, [start], radius, radius, 0.0)
-                if following != end:  # else the next step's start covers this end
-                    self.draw(_hard_circle, colour, [end], radius, radius, 0.0)
+        along = np.abs(steps[:, 1] - steps[:, 0])
+        # pygame measures the width of a line along an axis of the picture; its polygons include their edges
+        exact = width * np.hypot(*along.T) / np.maximum(along.max(axis=1), 1e-9) + (self.fine > 1)
+        widths = np.rint(exact).astype(int).tolist()
+        primitive = _smooth_step if self.fine == 1 else _hard_step
+        has_round_ends = self.fine > 1 and self._is_wide(width)
+        for colour, step, line_width in zip(colours, steps.tolist(), widths, strict=True):
+            self.draw(primitive, colour, step, width, line_width)
+            for end in step if has_round_ends else ():
+                self.circle(colour, end, width / 2)
 
     def _is_wide(self, width: float) -> bool:
         """Whether the ends of a line are large enough to be rounded."""
@@ -96,11 +93,7 @@ class RasterCanvas:
 
     def wash(self, colour: Colour, alpha: int, points: Sequence[Point]) -> None:
         """Draw a translucent polygon; alpha is 0 (invisible) to 255."""
-        self.draw(_smooth_wash if self.fine == 1 else _hard_wash, colour, points, 0.0, alpha)
-
-    def rectangle(self, colour: Colour, box: pygame.Rect, edge: Colour | None = None) -> None:
-        """Draw an upright rectangle of whole pixels; if `edge` is given, with an outline and round corners."""
-        self.polygon(colour, [box.topleft, box.topright, box.bottomright, box.bottomleft], edge, 1.0)
+        self.draw(_wash, colour, points, 0.0, alpha, 2 if self.fine == 1 else 1)
 
     def text(self, colour: Colour, words: str, place: Point, size: int, anchor: str = "center") -> pygame.Rect:
         """Draw one upright line of text; `anchor` names the point of its box at `place`, as in `pygame.Rect`."""
@@ -109,8 +102,12 @@ class RasterCanvas:
         return box
 
     def group(self, kind: str) -> AbstractContextManager[None]:
-        """Mark what is drawn inside as one object of a kind, on canvases that can express it."""
+        """Mark all shapes drawn within the context as one object of a kind, on canvases that can express it."""
         return nullcontext()
+
+    def inside(self, outline: Sequence[Point]) -> AbstractContextManager[None]:
+        """Clip all drawing within the context to a polygon."""
+        raise NotImplementedError
 
     def _fill(self, colour: Colour, points: Sequence[Point]) -> None:
         if self.fine > 1:
@@ -129,7 +126,7 @@ class RasterCanvas:
 
 
 class PixelCanvas(RasterCanvas):
-    """A pygame surface.
+    """A canvas of pixels: a pygame surface.
 
     Args:
         surface: drawn on.
@@ -140,10 +137,43 @@ class PixelCanvas(RasterCanvas):
         super().__init__(fine)
         self.surface = surface
 
+    @classmethod
+    def blank(cls, size: tuple[int, int]) -> PixelCanvas:
+        """A white picture of a size, px."""
+        surface = pygame.Surface(size, 0, 32)
+        surface.fill(PAPER)
+        return cls(surface)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height, px."""
+        return self.surface.get_size()
+
+    def place(self, other: PixelCanvas, left: int, top: int) -> None:
+        """Add another picture, with its upper left corner at a point, px."""
+        self.surface.blit(other.surface, (left, top))
+
+    def content(self) -> bytes:
+        """The content of a PNG file."""
+        file = io.BytesIO()
+        pygame.image.save(self.surface, file, "picture.png")
+        return file.getvalue()
+
     def rectangle(self, colour: Colour, box: pygame.Rect, edge: Colour | None = None) -> None:
-        self.draw(_rectangle, colour, (), 0.0, box, 4 if edge else -1, 0)
+        """Draw an upright rectangle of whole pixels; if `edge` is given, with an outline and round corners."""
+        pygame.draw.rect(self.surface, colour, box, 0, 4 if edge else -1)
         if edge is not None:
-            self.draw(_rectangle, edge, (), 0.0, box, 4, 1)
+            pygame.draw.rect(self.surface, edge, box, 1, 4)
+
+    @contextmanager
+    def inside(self, outline: Sequence[Point]) -> Iterator[None]:
+        before = self.surface.copy()
+        yield
+        mask = pygame.Surface(before.get_size(), pygame.SRCALPHA, 32)
+        pygame.draw.polygon(mask, (255, 255, 255, 255), outline)
+        pygame.draw.polygon(before, (0, 0, 0, 0), outline)
+        self.surface.blit(mask, (0, 0), special_flags=pygame.BLEND_RGBA_MULT)  # nothing remains outside
+        self.surface.blit(before, (0, 0), special_flags=pygame.BLEND_RGBA_ADD)
 
     def draw(
         self, primitive: Primitive, colour: Colour, points: Sequence[Point], margin: float, *settings: Any
@@ -151,84 +181,61 @@ class PixelCanvas(RasterCanvas):
         primitive(self.surface, colour, points, *settings)
 
 
-class TrackingCanvas(PixelCanvas):
-    """A pygame surface, with a record of what was drawn on.
-
-    Attributes:
-        boxes: that contain all changed pixels.
-    """
-
-    def __init__(self, surface: pygame.Surface, fine: int = 1) -> None:
-        super().__init__(surface, fine)
-        self.boxes: list[pygame.Rect] = []
-
-    def draw(
-        self, primitive: Primitive, colour: Colour, points: Sequence[Point], margin: float, *settings: Any
-    ) -> None:
-        self.boxes.append(primitive(self.surface, colour, points, *settings))
-
-
-Canvas = RasterCanvas | SvgCanvas  # they have the same methods
+Canvas = RasterCanvas | SvgCanvas  # they have the same methods to draw
+Picture = PixelCanvas | SvgCanvas  # finished, of pixels or vectors
 
 
 # Primitives
 
 
-def _hard_circle(
-    surface: pygame.Surface, colour: Colour, points: Sequence[Point], radius: float, width: float
-) -> pygame.Rect:
+def _hard_circle(surface: pygame.Surface, colour: Colour, points: Sequence[Point], radius: float, width: float) -> None:
     """Draw a circle line, or a filled circle if its width is 0."""
-    return pygame.draw.circle(surface, colour, points[0], radius, max(round(width), 1) if width else 0)
+    pygame.draw.circle(surface, colour, points[0], radius, max(round(width), 1) if width else 0)
 
 
-def _rectangle(
-    surface: pygame.Surface, colour: Colour, _: Sequence[Point], box: pygame.Rect, corner_radius: int, width: int
-) -> pygame.Rect:
-    return pygame.draw.rect(surface, colour, box, width, corner_radius)
+def _hard_step(surface: pygame.Surface, colour: Colour, points: Sequence[Point], width: int) -> None:
+    start, end = points
+    pygame.draw.line(surface, colour, start, end, width)
 
 
-def _hard_wash(surface: pygame.Surface, colour: Colour, points: Sequence[Point], alpha: int) -> pygame.Rect:
-    left, top, width, height = _bounds(points)
-    tile = pygame.Surface((width, height), pygame.SRCALPHA, 32)
-    pygame.draw.polygon(tile, (*colour, alpha), [(x - left, y - top) for x, y in points])
-    return surface.blit(tile, (left, top))
+def _smooth_step(surface: pygame.Surface, colour: Colour, points: Sequence[Point], width: int) -> None:
+    start, end = pixel_centres(points)
+    pygame.draw.aaline(surface, colour, start, end, width)
 
 
-def _text(
-    surface: pygame.Surface, colour: Colour, points: Sequence[Point], words: str, size: int, anchor: str
-) -> pygame.Rect:
+def _text(surface: pygame.Surface, colour: Colour, points: Sequence[Point], words: str, size: int, anchor: str) -> None:
     line = rendered(words, size, colour)
-    return surface.blit(line, line.get_rect(**{anchor: (round(points[0][0]), round(points[0][1]))}))
+    surface.blit(line, line.get_rect(**{anchor: (round(points[0][0]), round(points[0][1]))}))
 
 
-def _inner_polygon(surface: pygame.Surface, colour: Colour, points: Sequence[Point]) -> pygame.Rect:
-    return pygame.draw.polygon(surface, colour, pixels_of(points))
+def _inner_polygon(surface: pygame.Surface, colour: Colour, points: Sequence[Point]) -> None:
+    pygame.draw.polygon(surface, colour, pixels_of(points))
 
 
-def _smooth_line(surface: pygame.Surface, colour: Colour, points: Sequence[Point], closed: bool) -> pygame.Rect:
+def _smooth_line(surface: pygame.Surface, colour: Colour, points: Sequence[Point], closed: bool) -> None:
     centres = pixel_centres(points)
     if closed:
-        return pygame.draw.aalines(surface, colour, True, centres)
-    # for few points faster than `aalines`, which omits very short segments
-    first, *others = [pygame.draw.aaline(surface, colour, start, end) for start, end in pairwise(centres)]
-    return first.unionall(others)
+        pygame.draw.aalines(surface, colour, True, centres)
+    else:  # for few points faster than `aalines`, which omits very short segments
+        for start, end in pairwise(centres):
+            pygame.draw.aaline(surface, colour, start, end)
 
 
 def _smooth_circle(
     surface: pygame.Surface, colour: Colour, points: Sequence[Point], radius: float, width: float
-) -> pygame.Rect:
+) -> None:
     x, y = points[0]
     if radius < _DOT and not width:  # small discs are frequent (dotted lines); their images are kept per 1/4 pixel
         (column, dx), (row, dy) = divmod(round(x * 4), 4), divmod(round(y * 4), 4)
         margin, image = _dot_image(colour, round(radius * 8) / 8, dx / 4, dy / 4)
-        return put(surface, image, column - margin, row - margin)
+        put(surface, image, column - margin, row - margin)
+        return
     left, top, side = math.floor(x - radius), math.floor(y - radius), math.ceil(2 * radius) + 2
-    if not in_view(surface, left, top, side, side):
-        return pygame.Rect(0, 0, 0, 0)
-    fine = 4 if radius < _LARGE else 2
-    tile = spare_tile(fine * side, fine * side)
-    _hard_circle(tile, colour, [((x - left) * fine, (y - top) * fine)], radius * fine, width * fine)
-    return put(surface, pygame.transform.smoothscale(tile, (side, side)), left, top)
+    if in_view(surface, left, top, side, side):
+        fine = 4 if radius < _LARGE else 2
+        tile = spare_tile(fine * side, fine * side)
+        _hard_circle(tile, colour, [((x - left) * fine, (y - top) * fine)], radius * fine, width * fine)
+        put(surface, pygame.transform.smoothscale(tile, (side, side)), left, top)
 
 
 @lru_cache(maxsize=1024)
@@ -241,13 +248,14 @@ def _dot_image(colour: Colour, radius: float, dx: float, dy: float) -> tuple[int
     return margin, pygame.transform.smoothscale(tile, (side, side))
 
 
-def _smooth_wash(surface: pygame.Surface, colour: Colour, points: Sequence[Point], alpha: int) -> pygame.Rect:
+def _wash(surface: pygame.Surface, colour: Colour, points: Sequence[Point], alpha: int, fine: int) -> None:
+    """Draw a translucent polygon by way of a tile that is `fine` times larger."""
     left, top, width, height = _bounds(points)
-    if not in_view(surface, left, top, width, height):
-        return pygame.Rect(0, 0, 0, 0)
-    tile = spare_tile(2 * width, 2 * height)
-    pygame.draw.polygon(tile, premultiplied(colour, alpha), [(2 * (x - left), 2 * (y - top)) for x, y in points])
-    return put(surface, pygame.transform.smoothscale(tile, (width, height)), left, top)
+    if in_view(surface, left, top, width, height):
+        tile = spare_tile(fine * width, fine * height)
+        corners = [(fine * (x - left), fine * (y - top)) for x, y in points]
+        pygame.draw.polygon(tile, premultiplied(colour, alpha), corners)
+        put(surface, pygame.transform.smoothscale(tile, (width, height)) if fine > 1 else tile, left, top)
 
 
 def _bounds(points: Sequence[Point]) -> tuple[int, int, int, int]:
@@ -279,9 +287,9 @@ def premultiplied(colour: Colour, alpha: int) -> tuple[int, int, int, int]:
     return r, g, b, alpha
 
 
-def put(surface: pygame.Surface, image: pygame.Surface, left: int, top: int) -> pygame.Rect:
-    """Blend a premultiplied image onto a surface; returns the box of changed pixels."""
-    return surface.blit(image, (left, top), special_flags=pygame.BLEND_PREMULTIPLIED)
+def put(surface: pygame.Surface, image: pygame.Surface, left: int, top: int) -> None:
+    """Blend a premultiplied image onto a surface."""
+    surface.blit(image, (left, top), special_flags=pygame.BLEND_PREMULTIPLIED)
 
 
 def in_view(surface: pygame.Surface, left: float, top: float, width: float, height: float) -> bool:

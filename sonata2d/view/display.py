@@ -1,4 +1,4 @@
-"""The display, for those who open windows."""
+"""Start of pygame's display, for packages that open windows."""
 
 from __future__ import annotations
 

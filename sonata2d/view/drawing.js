@@ -1,16 +1,17 @@
-// Draws a scene on a canvas as the window does: metres, world frame, y up. The data are those of scene_data.py.
+// Draws a scene on a canvas as the window does: metres, world frame, y up. scene_data.py makes the data.
 
 const GAZE_RANGE = .75, GAZE_RAYS = [-3, -2, -1, 0, 1, 2, 3].map(k => .38 * k / 3);   // m beyond the outline; rad
 const VIEW_RANGE = 5, DOWN = .72;           // of the follow view: m to the upper edge; position of the robot from the top
 const MARGIN = .3;                          // m, around the room in the top view
 const TRAIL = 60;                           // ticks of past paths
+const SYMBOL_SCALE = 100;                   // pixels per metre
 
 // ---- states between two ticks
 
 const blend = (a, b, s) => a + (b - a) * s;
 const turn = (a, b, s) => a + Math.atan2(Math.sin(b - a), Math.cos(b - a)) * s;
 
-/** A row (x, y, theta, ...) between two ticks; further values are those of the earlier one. */
+/** A row (x, y, theta, ...) between two ticks; further values come from the earlier one. */
 function pose(a, b, s) {
   return a && (b ? [blend(a[0], b[0], s), blend(a[1], b[1], s), turn(a[2], b[2], s), ...a.slice(3)] : a);
 }
@@ -72,10 +73,23 @@ export function fitted(canvas) {
 
 // ---- drawing
 
+/** The shapes of a symbol: an SVG of SYMBOL_SCALE pixels per metre, ahead to the right and left up. */
+function shapesOf(svg) {
+  const shapes = new DOMParser().parseFromString(svg, "text/html").querySelectorAll("circle, polygon, polyline");
+  return [...shapes].map(shape => {
+    const value = name => shape.getAttribute(name), path = new Path2D();
+    if (shape.tagName === "circle") path.arc(value("cx"), value("cy"), value("r"), 0, 2 * Math.PI);
+    else for (const point of value("points").split(" ")) path.lineTo(...point.split(","));
+    if (shape.tagName === "polygon") path.closePath();
+    return {path, fill: value("fill"), stroke: value("stroke"), width: value("stroke-width")};
+  });
+}
+
 export class SceneDrawing {
   /** A scene; `ready` is called when its room can be drawn. */
   constructor(scene, ready = () => {}) {
     this.scene = scene;
+    this.symbols = Object.fromEntries(Object.entries(scene.symbols).map(([name, svg]) => [name, shapesOf(svg)]));
     this.room = new Image();
     this.room.onload = ready;
     this.room.src = scene.room;
@@ -99,7 +113,7 @@ export class SceneDrawing {
     else pen.clearRect(0, 0, pen.canvas.width, pen.canvas.height);
     pen.setTransform(s * uy, -s * ux, -s * ux, -s * uy, s * (ux * top - uy * left), s * (uy * top + ux * left));
     this.drawRoom(s);
-    if (layers.goal !== false && this.known("goal")) this.drawGoal(this.scene.goal);
+    if (layers.goal !== false && this.known("goal")) this.place("goal", this.scene.goal[0], this.scene.goal[1]);
     for (const trail of trails) this.drawTrail(trail);
     const robots = this.known("robot") ? [now.robot] : [];
     const places = Object.fromEntries([...this.scene.things, ...now.people, ...robots].map(item => [item.id, item]));
@@ -107,7 +121,7 @@ export class SceneDrawing {
     if (layers.gaze !== false && this.known("heads")) now.people.forEach(human => this.drawGaze(human));
     if (layers.links !== false) now.links.forEach(link => this.drawLink(link, places));
     now.people.forEach(human => this.drawHuman(human, now.time));
-    robots.forEach(robot => this.drawRobot(robot));
+    robots.forEach(({x, y, theta, touches}) => this.place(touches ? "touching" : "robot", x, y, theta));
     pen.setTransform(fine, 0, 0, fine, 0, 0);
     if (layers.ids) Object.values(places).forEach(item => this.drawId(item));
     finish(pen, camera);
@@ -116,6 +130,18 @@ export class SceneDrawing {
   // -- shapes in the local frame of an agent: metres, x ahead, y left
 
   at(x, y, theta, draw) { const {pen} = this; pen.save(); pen.translate(x, y); pen.rotate(theta); draw(); pen.restore(); }
+
+  /** Draws a symbol of the scene at a pose, magnified. */
+  place(name, x, y, theta = 0, size = 1) {
+    const {pen} = this;
+    this.at(x, y, theta, () => {
+      pen.scale(size / SYMBOL_SCALE, -size / SYMBOL_SCALE); pen.lineCap = pen.lineJoin = "round";
+      for (const {path, fill, stroke, width} of this.symbols[name]) {
+        if (fill !== "none") { pen.fillStyle = fill; pen.fill(path); }
+        if (stroke) { pen.strokeStyle = stroke; pen.lineWidth = width; pen.stroke(path); }
+      }
+    });
+  }
 
   fill(colour, alpha = 1) { const {pen} = this; pen.globalAlpha = alpha; pen.fillStyle = colour; pen.fill(); pen.globalAlpha = 1; }
 
@@ -155,16 +181,6 @@ export class SceneDrawing {
     pen.restore();
   }
 
-  drawGoal([x, y, radius]) {
-    const {goal, goalFloor} = this.scene.colours;
-    const dash = Math.PI * radius / 16;
-    this.at(x, y, 0, () => {
-      this.round(radius, radius); this.fill(goalFloor); this.round(radius - .0125, radius - .0125);
-      this.line(goal, .025, [dash, dash]); this.round(.6 * radius - .015, .6 * radius - .015); this.line(goal, .03);
-      this.round(.22 * radius, .22 * radius); this.fill(goal);
-    });
-  }
-
   inRoom(draw) {
     const {pen} = this;
     pen.save();
@@ -187,34 +203,16 @@ export class SceneDrawing {
         this.fill(tones.outline); this.body(human.radius - .022, shoulder); this.fill(isPlain ? tones.plain : tones.body);
       }
       if (isPlain) return;
-      this.drawLimbs(activity, size, tones, Math.sin(Math.PI * time / .75 + human.id));
+      if (activity.startsWith("walking")) {
+        const swing = Math.sin(Math.PI * time / .75 + human.id);
+        for (const side of [-1, 1]) this.place(activity, side * swing * .5 * size, side * .38 * size, 0, size);
+      } else this.place(activity, 0, 0, 0, size);
       this.round(.46 * size, .9 * (human.radius + shoulder)); this.fill(tones.dark);
       this.round(.46 * size - .022, .9 * (human.radius + shoulder) - .022); this.fill(tones.fill);
     });
     if (isPlain) return;
-    const {hair, crown} = this.scene.colours, hasHead = this.known("heads");
-    this.at(human.x, human.y, hasHead ? human.head : human.theta, () => {
-      if (hasHead) { this.polygon([.3 * size, .2 * size], [.66 * size, 0], [.3 * size, -.2 * size]); this.fill(hair); }
-      this.round(.4 * size, .4 * size, .05 * size); this.fill(hair);
-      this.round(.24 * size, .24 * size, .02 * size); this.fill(crown);
-    });
-  }
-
-  drawLimbs(activity, r, {feet, sleeve}, swing) {
-    if (activity.startsWith("walking")) for (const side of [-1, 1]) {
-      this.round(.36 * r, .17 * r, side * swing * .5 * r, side * .38 * r); this.fill(feet);
-    } else if (activity === "talking") {
-      this.path([.1 * r, -.78 * r], [.62 * r, -.62 * r], [.8 * r, -.28 * r]); this.line(sleeve, .22 * r);
-    } else if (activity === "using") for (const side of [-1, 1]) {
-      this.path([.1 * r, side * .78 * r], [.5 * r, side * .7 * r], [.85 * r, side * .25 * r]); this.line(sleeve, .2 * r);
-    } else if (activity === "sitting") for (const side of [-1, 1]) {
-      this.round(.42 * r, .2 * r, 1.75 * r, side * .42 * r); this.fill(feet);
-      this.path([.2 * r, side * .42 * r], [1.5 * r, side * .42 * r]); this.line(sleeve, .46 * r);
-    } else if (activity === "queueing") {
-      this.path([0, .78 * r], [.5 * r, .4 * r], [.5 * r, -.4 * r], [0, -.78 * r]); this.line(sleeve, .24 * r);
-    } else if (activity === "looking") {
-      this.path([0, .75 * r], [-.6 * r, .35 * r], [-.6 * r, -.35 * r], [0, -.75 * r]); this.line(sleeve, .22 * r);
-    }
+    const hasHead = this.known("heads");
+    this.place(hasHead ? "head" : "round head", human.x, human.y, hasHead ? human.head : human.theta, size);
   }
 
   /** The field of view, which ends at walls. */
@@ -246,18 +244,6 @@ export class SceneDrawing {
       this.body(personal, human.shoulder); this.fill(colours.zone, 13 / 255);
       this.line(colours.personalLine, .012, [length / 96, length / 96]);
       this.body(intimate, human.shoulder); this.fill(colours.zone, 17 / 255); this.line(colours.intimateLine, .012);
-    });
-  }
-
-  drawRobot(robot) {
-    const r = robot.radius, {robot: colour, robotEdge, dark, paper} = this.scene.colours, width = robot.touches ? .07 : .035;
-    this.at(robot.x, robot.y, robot.theta, () => {
-      this.round(r, r); this.fill(colour);
-      this.round(r - width / 2, r - width / 2); this.line(robot.touches ? dark : robotEdge, width);
-      for (const side of [-1, 1]) {
-        this.pen.beginPath(); this.pen.rect(-.35 * r, side * .72 * r - .09 * r, .7 * r, .18 * r); this.fill(dark);
-      }
-      this.polygon([.78 * r, 0], [-.42 * r, .48 * r], [-.18 * r, 0], [-.42 * r, -.48 * r]); this.fill(paper);
     });
   }
 

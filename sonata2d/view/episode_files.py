@@ -9,14 +9,16 @@ from typing import Any
 from ..core.files.locations import location
 from ..core.snapshot import Snapshot
 from ..errors import RenderError
-from .episode_page import save_page
-from .film import save_film
+from .drawing import Drawing
+from .episode_page import page_of
+from .film import FILM_SUFFIXES, save_film
 from .layers import Layers
-from .stills import save_moment, save_picture
+from .sheets import moments
+from .stills import save_moment, write_file
 from .trails import Trails
 
 SUFFIXES = (".png", ".gif", ".mp4", ".html", ".svg")
-FILM_SUFFIXES, _PICTURE_SUFFIXES = (".gif", ".mp4"), (".png", ".svg")
+_PICTURE_SUFFIXES = (".png", ".svg")
 _SUFFIXES_OF = {  # of the formats on which an argument of `render` has an effect
     "fps": FILM_SUFFIXES,
     "speed": FILM_SUFFIXES,
@@ -73,8 +75,8 @@ def render(
         raise RenderError(
             f"cannot render {str(path)!r}: its suffix selects the format; end the name in one of {', '.join(SUFFIXES)}"
         )
-    given = {"fps": fps, "speed": speed, "size": size, "scale": scale, "strip": strip}
-    for name, value in given.items():
+    options = {"fps": fps, "speed": speed, "size": size, "scale": scale, "strip": strip}
+    for name, value in options.items():
         if value is not None and suffix not in _SUFFIXES_OF[name]:
             raise RenderError(f"{path}: {name} has no effect on this format, only on {', '.join(_SUFFIXES_OF[name])}")
     if strip is not None and size is not None:
@@ -82,14 +84,19 @@ def render(
     if not snapshots:
         raise RenderError("there is nothing to draw: the episode holds no frame")
     layers = layers or Layers(legend=True)
-    texts: dict[str, Any] = {"caption": caption, "outcome": outcome, "layers": layers}
-    if suffix == ".png":
-        save_picture(path, snapshots, size=size, scale=scale, strip=strip, **texts)
-    elif suffix == ".svg":
-        trails = Trails.of(snapshots)
-        save_moment(path, snapshots[-1], size=size, scale=scale, trails=trails, **texts)
-    elif suffix == ".html":
-        save_page(path, snapshots, commands=commands, labels=labels, **texts)
+    if suffix == ".html":
+        page = page_of([Drawing(snapshots, outcome, commands, labels)], layers=layers, caption=caption)
+        write_file(path, page.encode())
+    elif suffix in FILM_SUFFIXES:
+        save_film(
+            path, snapshots, fps=fps, speed=1.0 if speed is None else speed, size=size, scale=scale, layers=layers,
+            caption=caption, outcome=outcome, advance=advance,
+        )  # fmt: skip
+    elif strip is not None:
+        sheet = moments(snapshots, strip, scale=scale, layers=layers, caption=caption, outcome=outcome)
+        write_file(path, sheet.content())
     else:
-        pace = 1.0 if speed is None else speed
-        save_film(path, snapshots, fps=fps, speed=pace, size=size, scale=scale, advance=advance, **texts)
+        save_moment(
+            path, snapshots[-1], size=size, scale=scale, layers=layers, trails=Trails.of(snapshots), caption=caption,
+            outcome=outcome,
+        )  # fmt: skip

@@ -12,6 +12,7 @@ from collections.abc import Collection
 from functools import partial
 
 from ..core.entities import Goal
+from ..core.geometry import Point
 from ..core.humans import HumanState
 from ..core.scene import Unmeasured
 from ..core.snapshot import RobotState
@@ -60,7 +61,7 @@ def draw_body(
     colour = ACTIVITY[activity]
     _draw_outline(brush, activity, 0.28, r, shoulder, ignores_robot=ignores_robot)
     size = r + shoulder / 2  # halfway between depth and breadth
-    _draw_limbs(brush, activity, size, swing)
+    draw_limbs(brush, activity, size, swing)
     brush.ellipse(colour, (0.0, 0.0), (0.46 * size, 0.9 * (r + shoulder)), shaded(colour), _LINE)
 
 
@@ -88,13 +89,13 @@ def draw_head(brush: Brush, r: float, *, nose: bool = True) -> None:
     brush.disc(mixed(HAIR, PAPER, 0.18), (0.02 * r, 0.0), 0.24 * r)
 
 
-def _draw_limbs(brush: Brush, activity: str, r: float, swing: float) -> None:
-    """Draw feet or arms, depending on the activity; r is the size of the body, m."""
+def draw_limbs(brush: Brush, activity: str, r: float, swing: float = 0.0) -> None:
+    """Draw feet or arms, depending on the activity; r is the size of the body, m, and `swing` as for `draw_body`."""
     colour = ACTIVITY[activity]
     sleeve = mixed(shaded(colour), colour, 0.5)
     if activity.startswith("walking"):
         for side in (-1, 1):
-            brush.ellipse(shaded(colour, 0.6), (side * swing * 0.5 * r, side * 0.38 * r), (0.36 * r, 0.17 * r))
+            draw_foot(brush, activity, r, (side * swing * 0.5 * r, side * 0.38 * r))
     elif activity == "talking":
         brush.stroke(sleeve, [(0.1 * r, -0.78 * r), (0.62 * r, -0.62 * r), (0.8 * r, -0.28 * r)], 0.22 * r)
     elif activity == "using":
@@ -109,6 +110,11 @@ def _draw_limbs(brush: Brush, activity: str, r: float, swing: float) -> None:
         brush.stroke(sleeve, [(0.0, 0.78 * r), (0.5 * r, 0.4 * r), (0.5 * r, -0.4 * r), (0.0, -0.78 * r)], 0.24 * r)
     elif activity == "looking":
         brush.stroke(sleeve, [(0.0, 0.75 * r), (-0.6 * r, 0.35 * r), (-0.6 * r, -0.35 * r), (0.0, -0.75 * r)], 0.22 * r)
+
+
+def draw_foot(brush: Brush, activity: str, r: float, place: Point = (0.0, 0.0)) -> None:
+    """Draw the foot of a walking pedestrian whose body has the size r, m."""
+    brush.ellipse(shaded(ACTIVITY[activity], 0.6), place, (0.36 * r, 0.17 * r))
 
 
 def robot_part(robot: RobotState, *, touches: bool = False) -> Part:
@@ -133,6 +139,6 @@ def goal_part(goal: Goal) -> Part:
 def draw_target(brush: Brush, radius: float) -> None:
     """Draw a target; its dashed rim is the distance (m) at which the goal counts as reached."""
     brush.disc(mixed(FLOOR, GOAL, 0.16), (0.0, 0.0), radius)
-    brush.dashed_ring(GOAL, (0.0, 0.0), radius, 0.025, 16)
+    brush.dashed_body(GOAL, radius, 0.0, 0.025, 16)
     brush.ring(GOAL, (0.0, 0.0), 0.6 * radius, 0.03)
     brush.disc(GOAL, (0.0, 0.0), 0.22 * radius)

@@ -6,7 +6,6 @@ import importlib
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
 from itertools import chain, zip_longest
 from pathlib import Path
 from typing import Any
@@ -19,18 +18,57 @@ from ..core.notebook import Advance, ProgressBar
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..errors import RenderError
+from .canvas import PixelCanvas
+from .draw import camera_for, draw_caption
 from .interpolation import between
 from .layers import Layers
 from .legend import Legend
+from .painter import Painter
 from .palette import ACTIVITY, FLOOR, GOAL, GRID, INK, PAPER, PATHS, ROBOT, WALL, mixed, time_colour
-from .projection import DEFAULT_SIDE
-from .sequence import PictureSequence
+from .projection import DEFAULT_SIDE, Camera
 from .trails import Trails, human_tones
 
+FILM_SUFFIXES = (".gif", ".mp4")
 _TAIL = 4.0  # s, duration that trails cover
 _HOLD = 1.5  # s, duration of the last picture
 _GIF_SIDE = 640  # px, default limit of the longer side of the room in a GIF
+_GIF_AREAS = 64  # colours of the first picture that a GIF certainly has
 _GIF_COLOUR_STEP = 8  # Pillow matches colours in steps of 4, so that it may confuse colours that differ by this
+
+
+class FilmPainter:
+    """Painter of a film of one scene.
+
+    Args:
+        scene: of all snapshots.
+        camera: of the room in all pictures.
+        layers: what to show.
+        legend: of all pictures.
+    """
+
+    def __init__(self, scene: Scene, camera: Camera, layers: Layers, legend: Legend = Legend()) -> None:  # noqa: B008
+        width, height = camera.size
+        top = height + layers.strip
+        self._camera, self._layers = camera, layers
+        self._painter = Painter(scene, outside=PAPER, cut_zones=True)
+        self._picture = PixelCanvas.blank((width, top + legend.height(width)))
+        self._room = self._picture.surface.subsurface((0, 0, width, height))
+        legend.draw(self._picture, top, width)
+
+    def draw(
+        self, snapshot: Snapshot, trails: Trails | None = None, caption: str | None = None, outcome: str | None = None
+    ) -> PixelCanvas:
+        """Draw a snapshot; arguments as for `picture`.
+
+        Returns:
+            The picture, which the next call changes.
+        """
+        self._painter.draw(self._room, snapshot, layers=self._layers, trails=trails, camera=self._camera)
+        if self._layers.caption:
+            width, height = self._camera.size
+            self._picture.rectangle(PAPER, pygame.Rect(0, height, width, self._layers.strip))
+            draw_caption(self._picture, self._camera, snapshot, trails, caption, outcome)
+        return self._picture
 
 
 def save_film(
@@ -56,7 +94,7 @@ def save_film(
         speed: seconds of the episode per second of the film.
         interpolate: interpolate between ticks; otherwise each picture shows the last tick.
         size, scale, layers, caption, outcome: as for `picture`; without size and scale, the longer side of a GIF's
-            room has at most 640 px. The legend is that of the whole film, which is read before the first picture is
+            room has at most 640 px. A legend explains the whole film, which is then read before the first picture is
             drawn.
         advance: called with 1 for each snapshot that was drawn, as of a progress bar.
 
@@ -64,32 +102,28 @@ def save_film(
         RenderError: fps or speed is out of range, `snapshots` is empty, a package is missing, or the file cannot be
             written.
     """
-    path = location(path)
+    path, layers = location(path), layers or Layers()
     fps = _pace_of(path, fps, speed)
-    if layers is not None and layers.legend:
-        snapshots = [*snapshots]
-        legend = Legend.of(snapshots, layers, paths=True) if snapshots else Legend()
-    else:
-        legend = Legend()
-    make = partial(
-        PictureSequence,
-        size=size,
-        scale=scale,
-        side=_GIF_SIDE if path.suffix.lower() == ".gif" else DEFAULT_SIDE,
-        layers=layers,
-        legend=legend,
-    )
-    if advance is not None:
-        snapshots = _counted(snapshots, advance)
-    samples = _sampled(snapshots, speed / fps, interpolate=interpolate)
-    _encode(path, _pictures(samples, round(fps * _HOLD), make, caption, outcome), fps)
+    snapshots = [*snapshots] if layers.legend else snapshots
+    remaining = iter(snapshots)
+    first = next(remaining, None)
+    if first is None:
+        raise RenderError("there is nothing to film: the episode holds no frame")
+    legend = Legend.of(snapshots, layers, paths=True).fitting(size)
+    below = layers.strip + legend.height(size[0]) if size else 0
+    side = _GIF_SIDE if _is_gif(path) else DEFAULT_SIDE
+    camera = camera_for(first.scene, size=size, scale=scale, side=side, below=below)
+    shown = _counted(chain([first], remaining), advance or (lambda steps: None))
+    samples = _sampled(shown, speed / fps, interpolate=interpolate)
+    painter = FilmPainter(first.scene, camera, layers, legend)
+    _encode(path, _pictures(samples, painter, round(fps * _HOLD), caption, outcome), fps)
 
 
 def save_sheet_film(
     path: str | Path,
     episodes: Sequence[Sequence[Snapshot]],
-    make: Callable[[Scene], PictureSequence],
-    arrange: Callable[[Sequence[pygame.Surface]], pygame.Surface],
+    painters: Sequence[FilmPainter],
+    arrange: Callable[[Sequence[PixelCanvas]], PixelCanvas],
     *,
     fps: float | None = None,
     speed: float = 1.0,
@@ -100,8 +134,8 @@ def save_sheet_film(
     Args:
         path, fps, speed: as for `save_film`.
         episodes: the snapshots of each.
-        make: what draws the pictures of an episode.
-        arrange: one picture of those of all episodes; they change afterwards.
+        painters: one for each episode.
+        arrange: puts the pictures of all episodes together; they change afterwards.
         bar: shows how many seconds of the longest episode are drawn.
 
     Raises:
@@ -110,53 +144,56 @@ def save_sheet_film(
     path = location(path)
     fps = _pace_of(path, fps, speed)
     films = [
-        _pictures(_sampled(snapshots, speed / fps, interpolate=True), round(fps * _HOLD), make, None, None)
-        for snapshots in episodes
+        _pictures(_sampled(snapshots, speed / fps, interpolate=True), painter, round(fps * _HOLD))
+        for snapshots, painter in zip(episodes, painters, strict=True)
     ]
-    length = max(snapshots[-1].time - snapshots[0].time for snapshots in episodes)
+    length = int(max(snapshots[-1].time - snapshots[0].time for snapshots in episodes))
 
-    def together(advance: Advance) -> Iterator[pygame.Surface]:
-        pictures: list[pygame.Surface] = []
+    def together(advance: Advance) -> Iterator[PixelCanvas]:
+        pictures: list[PixelCanvas] = []
         drawn = 0  # s
         for k, newer in enumerate(zip_longest(*films)):
-            seconds = min(int(k * speed / fps), int(length))
+            seconds = min(int(k * speed / fps), length)
             advance(seconds - drawn)
             drawn = seconds
             # an episode that has ended yields None
             pictures = [new or old for new, old in zip_longest(newer, pictures)]
             yield arrange(pictures)
 
-    with bar(int(length), "seconds of the longest episode") as advance:
+    with bar(length, "seconds of the longest episode") as advance:
         _encode(path, together(advance), fps)
 
 
+def _is_gif(path: Path) -> bool:
+    return path.suffix.lower() == ".gif"
+
+
 def _pace_of(path: Path, fps: float | None, speed: float) -> float:
-    """Pictures per second of a film; by default those of its format.
+    """Pictures per second of a film; by default 10 for a GIF, 30 for an MP4.
 
     Raises:
         RenderError: fps or speed is out of range.
     """
-    is_gif = path.suffix.lower() == ".gif"
-    fps = (10.0 if is_gif else 30.0) if fps is None else fps
+    fps = (10.0 if _is_gif(path) else 30.0) if fps is None else fps
     if not (0.0 < fps <= 120.0 and 0.0 < speed < math.inf):
         raise RenderError(
             f"cannot film {fps:g} pictures per second at speed {speed:g}; "
             "use an fps above 0 and up to 120, and a speed above 0"
         )
     # a GIF's delays are multiples of 1/100 s; players slow down below 2
-    return 100.0 / max(round(100.0 / fps), 2) if is_gif else fps
+    return 100.0 / max(round(100.0 / fps), 2) if _is_gif(path) else fps
 
 
-def _encode(path: Path, shown: Iterator[pygame.Surface], fps: float) -> None:
+def _encode(path: Path, pictures: Iterator[PixelCanvas], fps: float) -> None:
     """Write pictures as a GIF or an MP4.
 
     Raises:
         RenderError: a package is missing, or the file cannot be written.
     """
-    is_gif = path.suffix.lower() == ".gif"
+    shown = (drawn.surface for drawn in pictures)
     try:
         with whole_file(path) as temporary:
-            (_write_gif if is_gif else _write_mp4)(temporary, shown, fps)
+            (_write_gif if _is_gif(path) else _write_mp4)(temporary, shown, fps)
     except OSError as error:
         raise RenderError(f"cannot write {path}: {error.strerror or error}") from error
 
@@ -168,13 +205,12 @@ def _counted(snapshots: Iterable[Snapshot], advance: Callable[[int], None]) -> I
         advance(1)
 
 
-def paced(snapshots: Iterable[Snapshot], step: float, *, interpolate: bool = True) -> Iterator[Snapshot]:
-    """The episode sampled every `step` seconds, including its first and its last snapshot."""
-    return (shown for shown, _ in _sampled(snapshots, step, interpolate=interpolate))
-
-
 def _sampled(snapshots: Iterable[Snapshot], step: float, *, interpolate: bool) -> Iterator[tuple[Snapshot, Snapshot]]:
-    """The snapshots that `paced` returns, each with the snapshot of the last tick up to it."""
+    """The episode sampled every `step` seconds, including its first and its last snapshot.
+
+    Yields:
+        The sample, and the snapshot of the last tick up to it.
+    """
     before, count = None, 0
     for after in snapshots:
         if before is None:
@@ -190,23 +226,18 @@ def _sampled(snapshots: Iterable[Snapshot], step: float, *, interpolate: bool) -
 
 def _pictures(
     samples: Iterable[tuple[Snapshot, Snapshot]],
+    painter: FilmPainter,
     hold: int,
-    make: Callable[[Scene], PictureSequence],
-    caption: str | None,
-    outcome: str | None,
-) -> Iterator[pygame.Surface]:
+    caption: str | None = None,
+    outcome: str | None = None,
+) -> Iterator[PixelCanvas]:
     """The pictures of the film, each valid until the next one; the last one, with the outcome, is repeated."""
-    pictures, last = None, None
     ticks: deque[Snapshot] = deque()
     for last, tick in samples:
-        if pictures is None:
-            pictures = make(last.scene)
         if not ticks or ticks[-1] is not tick:
             ticks.append(tick)
-        yield pictures.draw(last, trails=_tail(ticks, last), caption=caption)
-    if pictures is None or last is None:
-        raise RenderError("there is nothing to film: the episode holds no frame")
-    ending = pictures.draw(last, trails=_tail(ticks, last), caption=caption, outcome=outcome)
+        yield painter.draw(last, _tail(ticks, last), caption)
+    ending = painter.draw(last, _tail(ticks, last), caption, outcome)
     for _ in range(max(hold, 1)):
         yield ending
 
@@ -235,16 +266,17 @@ def _write_gif(path: Path, shown: Iterable[pygame.Surface], fps: float) -> None:
 
 
 def _gif_palette(image: Any, first: Any) -> Any:
-    """An image that holds the film's 256 colours: the palette's, which may appear later, and the first picture's."""
-    pale = [mixed(FLOOR, colour, 0.28) for colour in ACTIVITY.values()]
+    """An image that holds the film's 256 colours: large areas of the first picture keep theirs."""
+    frequent = [colour for _, colour in sorted(first.getcolors(first.width * first.height), reverse=True)]
+    pale = [mixed(FLOOR, colour, 0.28) for colour in ACTIVITY.values()]  # these and the next may appear later
     ramp = [time_colour(k / 15) for k in range(16)]
     paths = [tone for k in range(len(PATHS)) for tone in human_tones(k)[::3]]
-    own = [FLOOR, PAPER, GRID, WALL, INK, ROBOT, GOAL, *ACTIVITY.values(), *pale, *ramp, *paths]
-    flat = first.quantize(256 - len(own), dither=image.Dither.NONE).getpalette()[: 3 * (256 - len(own))]
-    candidates = [flat[k : k + 3] for k in range(0, len(flat) - 2, 3)]
-    others = [other for other in candidates if all(_is_distinct(other, colour) for colour in own)]
+    colours = [FLOOR, PAPER, GRID, WALL, INK, ROBOT, GOAL, *ACTIVITY.values()]
+    for colour in [*frequent[:_GIF_AREAS], *pale, *ramp, *paths, *frequent[_GIF_AREAS:]]:
+        if len(colours) < 256 and all(_is_distinct(colour, other) for other in colours):
+            colours.append(colour)
     palette = image.new("P", (1, 1))
-    palette.putpalette([value for colour in [*own, *others] for value in colour])
+    palette.putpalette([value for colour in colours for value in colour])
     return palette
 
 

@@ -48,8 +48,8 @@ class _Face:
         Raises:
             RenderError: neither folder has it.
         """
-        own = Path(__file__).with_name("typefaces") / self.file
-        path = own if own.exists() else _library() / self.file
+        path = Path(__file__).with_name("typefaces") / self.file
+        path = path if path.exists() else _library() / self.file
         if not path.exists():
             raise RenderError(f"the font {self.file} is not in {path.parent}; install pygame-gui>=0.6.13,<0.7 again")
         return path
@@ -293,7 +293,7 @@ def _levels(text: str) -> list[int]:
             sides.append(sides[-1] if kind == "NSM" and k else None)
     levels = []
     for k, (kind, side) in enumerate(zip(kinds, sides, strict=True)):
-        if side is None:  # the direction of both neighbours if these agree, otherwise that of the line
+        if side is None:  # the direction of both neighbours if these agree, otherwise the direction of the line
             before = next((known for known in reversed(sides[:k]) if known is not None), base)
             after = next((known for known in sides[k:] if known is not None), base)
             side = before if before == after else base
@@ -341,7 +341,7 @@ def _coverage(file: str) -> tuple[list[int], list[int]]:
             count = struct.unpack_from(">H", data, offset + 6)[0] // 2
             ends = struct.unpack_from(f">{count}H", data, offset + 14)
             groups = list(zip(struct.unpack_from(f">{count}H", data, offset + 16 + 2 * count), ends, strict=True))[:-1]
-        elif kind == 12:  # 32-bit ranges; sorted last, because it includes those of format 4
+        elif kind == 12:  # 32-bit ranges; sorted last, because it includes the ranges of format 4
             count = struct.unpack_from(">I", data, offset + 12)[0]
             rows = struct.iter_unpack(">3I", data[offset + 16 : offset + 16 + 12 * count])
             groups = [(first, last) for first, last, _ in rows]

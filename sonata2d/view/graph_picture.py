@@ -22,7 +22,6 @@ NODE_COLOUR: dict[str, Colour] = {
 _GAP, _TITLE, _TEXT = 24, 30, 15  # px: between panels, height of a title, font size
 _NODE, _NODE_TEXT = 9.0, 11  # px: radius, font size in it
 _PANEL = 520  # px, width and height
-_FINE = 2  # supersampling factor
 _EDGE_COLOUR, _INTERACTION_COLOUR = mixed(GREY, PAPER, 0.6), mixed(VERMILLION, PAPER, 0.1)
 
 
@@ -60,32 +59,25 @@ def network_picture(panels: Sequence[Panel], title: str) -> pygame.Surface:
         )
     camera = Camera.fit(points, size=(_PANEL, _PANEL), margin=0.5)
     width = len(panels) * (_PANEL + _GAP) + _GAP
-    sheet = pygame.Surface((width, _PANEL + 3 * _TITLE), 0, 32)
-    sheet.fill(PAPER)
-    canvas = PixelCanvas(sheet)
+    sheet = PixelCanvas.blank((width, _PANEL + 3 * _TITLE))
     for k, panel in enumerate(panels):
         left = _GAP + k * (_PANEL + _GAP)
-        sheet.blit(_panel_picture(panel, camera), (left, 2 * _TITLE))
-        canvas.text(FAINT, panel.title, (left + _PANEL // 2, 1.5 * _TITLE), _TEXT)
-    canvas.text(INK, shortened(title, width - 2 * _GAP, _TEXT + 2), (width // 2, _TITLE // 2), _TEXT + 2)
-    _draw_legend(canvas, [kind for kind in NODE_COLOUR if any(node[0] == kind for node in panels[0].nodes)])
-    return sheet
+        _draw_panel(PixelCanvas(sheet.surface.subsurface((left, 2 * _TITLE, _PANEL, _PANEL))), panel, camera)
+        sheet.text(FAINT, panel.title, (left + _PANEL // 2, 1.5 * _TITLE), _TEXT)
+    sheet.text(INK, shortened(title, width - 2 * _GAP, _TEXT + 2), (width // 2, _TITLE // 2), _TEXT + 2)
+    _draw_legend(sheet, [kind for kind in NODE_COLOUR if any(node[0] == kind for node in panels[0].nodes)])
+    return sheet.surface
 
 
-def _panel_picture(panel: Panel, camera: Camera) -> pygame.Surface:
-    large = pygame.Surface((_FINE * _PANEL, _FINE * _PANEL), 0, 32)
-    large.fill(PAPER)
-    canvas, fine_camera = PixelCanvas(large, _FINE), camera.supersampled(_FINE)
-    places = [fine_camera.to_pixels(place) for _, _, place in panel.nodes]
+def _draw_panel(canvas: PixelCanvas, panel: Panel, camera: Camera) -> None:
+    places = [camera.to_pixels(place) for _, _, place in panel.nodes]
     for pairs, colour, width in ((panel.edges, _EDGE_COLOUR, 1.0), (panel.interactions, _INTERACTION_COLOUR, 3.0)):
         for a, b in pairs:
-            canvas.stroke(colour, [places[a], places[b]], _FINE * width)
+            canvas.stroke(colour, [places[a], places[b]], width)
     for (kind, _, _), place in zip(panel.nodes, places, strict=True):
-        canvas.circle(PAPER, place, _FINE * _NODE + 3)
-        canvas.circle(NODE_COLOUR[kind], place, _FINE * _NODE)
-    small = pygame.transform.smoothscale(large, (_PANEL, _PANEL))
-    _draw_texts(PixelCanvas(small), [text for _, text, _ in panel.nodes], [(x / _FINE, y / _FINE) for x, y in places])
-    return small
+        canvas.circle(PAPER, place, _NODE + 1.5)
+        canvas.circle(NODE_COLOUR[kind], place, _NODE)
+    _draw_texts(canvas, [text for _, text, _ in panel.nodes], places)
 
 
 def _draw_texts(canvas: PixelCanvas, texts: Sequence[str], places: Sequence[Point]) -> None:

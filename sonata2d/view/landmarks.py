@@ -59,4 +59,4 @@ def draw_queue(brush: Brush, spacing: float, capacity: int) -> None:
 def draw_place(brush: Brush, radius: float) -> None:
     """Draw a dashed circle; radius in m."""
     dashes = max(round(6.2832 * min(radius, _LARGEST_PLACE) / _DASH_SPACING), 8)
-    brush.dashed_ring(_PLACE, (0.0, 0.0), radius, _LINE, dashes)
+    brush.dashed_body(_PLACE, radius, 0.0, _LINE, dashes)

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
 from ..core.entities import ROBOT_ID, Interaction
-from ..core.geometry import Barriers, Point, Pose, inside_polygon
+from ..core.geometry import Barriers, Point
 from ..core.humans import HumanState
 from ..core.portable_math import Array
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
+from .annotations import STRIP
 from .brush import Brush, body_arc
 from .furniture import half_size
 from .palette import ACTIVITY, BLUE, FAINT, FLOOR, INK, PURPLE, ROBOT, Colour, mixed, shaded
@@ -33,25 +35,37 @@ Ends = dict[int, tuple[Point, float]]  # by id: position and radius of the entit
 
 @dataclass(frozen=True, slots=True)
 class Layers:
-    """Contents of a picture besides the room, the pedestrians and the robot."""
+    """The parts of a picture besides the room, the pedestrians and the robot.
+
+    Attributes:
+        gaze: fields of view.
+        links: dotted lines between interacting entities.
+        goal: the robot's goal.
+        grid: faint lines, 1 m apart.
+        zones: intimate and personal zones, and the space shared by interacting pedestrians.
+        velocities: arrows.
+        ids: of pedestrians and objects.
+        caption: the strip below, with the scale bar.
+        legend: rows below the picture that explain its symbols; camera images have none.
+    """
 
     gaze: bool = True
     links: bool = True
     goal: bool = True
-    grid: bool = True  # faint lines, 1 m apart
-    zones: bool = False  # intimate and personal zones, and the space shared by interacting pedestrians
+    grid: bool = True
+    zones: bool = False
     velocities: bool = False
     ids: bool = False
-    caption: bool = True  # the strip below, with the scale bar
-    legend: bool = False  # rows below the picture that explain its symbols; camera images have none
+    caption: bool = True
+    legend: bool = False
+
+    @property
+    def strip(self) -> int:
+        """Height of the strip of the caption, px; 0 without one."""
+        return STRIP if self.caption else 0
 
 
 # Fields of view
-
-
-def thin_walls(scene: Scene) -> Barriers:
-    """All walls as segments without thickness."""
-    return Barriers.of([(wall.start, wall.end, 0.0) for wall in scene.walls])
 
 
 def _blocked_rays(humans: Sequence[HumanState], walls: Barriers) -> dict[int, list[float]]:
@@ -83,9 +97,9 @@ def _ray_lengths(place: Array, head: float, walls: Barriers) -> Array:
     return nearest
 
 
-def draw_gazes(brush: Brush, humans: Sequence[HumanState], walls: Barriers) -> None:
+def draw_gazes(brush: Brush, humans: Sequence[HumanState], scene: Scene) -> None:
     """Draw the pedestrians' fields of view, which end at walls."""
-    rays = _blocked_rays(humans, walls)
+    rays = _blocked_rays(humans, scene.barriers.subset([*range(len(scene.walls))]))  # walls come first
     for human in humans:
         r, activity = human.radius, human.activity
         position, gaze = human.pose.position, (math.cos(human.head), math.sin(human.head))
@@ -112,21 +126,15 @@ def draw_fan(brush: Brush, activity: str, r: float, ray_lengths: Sequence[float]
 # Zones and velocities
 
 
-def draw_zones(brush: Brush, humans: Sequence[HumanState], outline: Array | None) -> None:
+def draw_zones(brush: Brush, humans: Sequence[HumanState], outline: Sequence[Point]) -> None:
     """Draw Hall's intimate zone and personal zone (dashed) around each pedestrian, as far as they are in the room.
 
     Args:
-        outline: (K, 2), corners of the room, m; None or without any, zones are drawn whole, which is faster.
+        outline: corners of the room, m; without any, zones are drawn whole.
     """
-    gaps = np.full(len(humans), np.inf)
-    if outline is not None and len(outline) and humans:
-        edges = Barriers(outline, np.roll(outline, -1, axis=0), np.zeros(len(outline)))
-        gaps = edges.gaps(np.array([human.pose.position for human in humans])).min(axis=0)
-    for human, gap in zip(humans, gaps.tolist(), strict=True):
-        r, shoulder = human.radius, human.shoulder
-        if outline is not None and gap < r + shoulder + PERSONAL_DISTANCE:  # a unique shape, which no cache helps
-            _draw_zones_inside(brush, human, outline)
-        else:
+    with brush.inside(outline) if outline else nullcontext():
+        for human in humans:
+            r, shoulder = human.radius, human.shoulder
             draw = partial(draw_zones_of, r=r, shoulder=shoulder)
             # a disc's zones look alike at any heading
             direction = human.pose.direction if shoulder > 0.0 else brush.camera.up
@@ -146,73 +154,6 @@ def draw_zones_of(brush: Brush, r: float, shoulder: float) -> None:
     brush.wash(BLUE, 30, inner)
     brush.stroke(_INTIMATE_LINE, body_arc(intimate - 0.006, shoulder, 0.0, 1.0, 65), 0.012)
     brush.dashed_body(_PERSONAL_LINE, personal, shoulder, 0.012, _DASHES)
-
-
-def _draw_zones_inside(brush: Brush, human: HumanState, outline: Array) -> None:
-    """Draw the same as `draw_zones_of`, only inside the room."""
-    shoulder = human.shoulder
-    pose = human.pose if shoulder > 0.0 else Pose(*human.pose.position)
-    place = brush.at(pose.position, pose.direction)
-    room = [pose.to_local((a, b)) for a, b in outline.tolist()]
-    rings = [human.radius + distance for distance in (PERSONAL_DISTANCE, INTIMATE_DISTANCE)]
-    with brush.canvas.group("zones"):
-        for radius, alpha in zip(rings, (13, 17), strict=True):  # 30 where both overlap
-            inside = _clipped(room, body_arc(radius, shoulder, 0.0, 1.0, 33)[:-1])
-            if len(inside) > 2:
-                place.wash(BLUE, alpha, inside)
-        personal, intimate = (_arcs(radius, shoulder, 1.0) for radius in rings)
-        middles = np.array([points[1] for points in (*personal, *intimate)])
-        is_inside = inside_polygon(middles, np.array(room)).tolist()
-        for k, dash in enumerate(_arcs(rings[0], shoulder, 0.5)):
-            if is_inside[k]:
-                place.stroke(_PERSONAL_LINE, dash, 0.012)
-        for run in _runs(is_inside[_DASHES:]):
-            place.stroke(_INTIMATE_LINE, [point for k in run for point in intimate[k]], 0.012)
-
-
-@lru_cache(maxsize=1024)
-def _arcs(radius: float, shoulder: float, fraction: float) -> list[list[Point]]:
-    """Points along the given fraction of each dash of a zone's line and the gap after it."""
-    return [body_arc(radius, shoulder, k / _DASHES, (k + fraction) / _DASHES, 3) for k in range(_DASHES)]
-
-
-def _runs(chosen: Sequence[bool]) -> list[list[int]]:
-    """Indices of the chosen elements of a ring, as runs of neighbours."""
-    count = len(chosen)
-    start = chosen.index(False) if False in chosen else 0  # no run goes on beyond the start
-    runs: list[list[int]] = [[]]
-    for k in range(start, start + count):
-        if chosen[k % count]:
-            runs[-1].append(k % count)
-        elif runs[-1]:
-            runs.append([])
-    return [run for run in runs if run]
-
-
-def _clipped(polygon: Sequence[Point], convex: Sequence[Point]) -> list[Point]:
-    """The part of a polygon inside a convex one, whose corners are counter-clockwise.
-
-    Parts that are not connected are joined by lines along the convex polygon, which a filling does not show.
-
-    Source: I. E. Sutherland & G. W. Hodgman, Commun. ACM 17 (1974) 32.
-    """
-    points = list(polygon)
-    for (ax, ay), (bx, by) in pairwise([*convex, convex[0]]):
-        dx, dy = bx - ax, by - ay
-        left = [dx * (y - ay) - dy * (x - ax) for x, y in points]  # positive inside
-        if min(left, default=0.0) >= 0.0:
-            continue
-        kept: list[Point] = []
-        for k, (x, y) in enumerate(points):
-            before, now = left[k - 1], left[k]
-            if (before >= 0.0) != (now >= 0.0):
-                fraction = before / (before - now)
-                (px, py) = points[k - 1]
-                kept.append((px + (x - px) * fraction, py + (y - py) * fraction))
-            if now >= 0.0:
-                kept.append((x, y))
-        points = kept
-    return points
 
 
 def _draw_velocity(brush: Brush, position: Point, velocity: Point, colour: Colour) -> None:
@@ -241,7 +182,7 @@ def draw_interactions(
 ) -> None:
     """Draw the spaces shared by interacting pedestrians, and the links between interacting entities."""
     ends = _link_ends(snapshot, humans)
-    groups = [members for members, _ in interacting_groups(snapshot, "talking")] if spaces else []
+    groups = [members for members, _ in _interacting_groups(snapshot, "talking")] if spaces else []
     for members in groups:
         _draw_group_space(brush, [ends[member][0] for member in members if member in ends])
     grouped = {member for members in groups for member in members}
@@ -254,11 +195,11 @@ def draw_interactions(
 
 def visible_interactions(snapshot: Snapshot) -> list[Interaction]:
     """The interactions to draw: in a group of more than two, only those between neighbours, which keeps it legible."""
-    hidden = {pair for group, closed in interacting_groups(snapshot) for pair in _distant_pairs(group, closed=closed)}
+    hidden = {pair for group, closed in _interacting_groups(snapshot) for pair in _distant_pairs(group, closed=closed)}
     return [link for link in snapshot.interactions if frozenset((link.src, link.dst)) not in hidden]
 
 
-def interacting_groups(snapshot: Snapshot, kind: str | None = None) -> list[tuple[list[int], bool]]:
+def _interacting_groups(snapshot: Snapshot, kind: str | None = None) -> list[tuple[list[int], bool]]:
     """Groups of which at least three members interact with each other at this tick.
 
     Args:
@@ -268,13 +209,13 @@ def interacting_groups(snapshot: Snapshot, kind: str | None = None) -> list[tupl
         For each group the ids of these members in their order, and whether the last one stands next to the first.
     """
     pairs = {frozenset((link.src, link.dst)) for link in snapshot.interactions}
-    found = []
+    interacting = []
     for group in snapshot.scene.groups:
         if kind in (None, group.kind):
             members = [a for a in group.members if any(a != b and frozenset((a, b)) in pairs for b in group.members)]
             if len(members) > 2:
-                found.append((members, group.formation == "circle"))
-    return found
+                interacting.append((members, group.formation == "circle"))
+    return interacting
 
 
 def _distant_pairs(members: Sequence[int], *, closed: bool) -> set[frozenset[int]]:

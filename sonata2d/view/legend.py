@@ -60,7 +60,7 @@ def name_of(activity: str) -> str:
     return activity.replace(" ", "_")
 
 
-Wording = Callable[..., str]  # of a key of TEXTS, with values by keyword
+_Wording = Callable[..., str]  # of a key of TEXTS, with values by keyword
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,9 +106,9 @@ class Legend:
         paths: bool = False,
         time_marks: bool = False,
         scale: float = 1.0,
-        wording: Wording = english,
+        wording: _Wording = english,
     ) -> Legend:
-        """The legend of what is visible in any of the pictures; empty if the layers have no legend.
+        """The legend of all symbols in any of the pictures; empty if the layers have no legend.
 
         Args:
             snapshots: of one scene, one or more.
@@ -163,9 +163,9 @@ class Legend:
 
 
 def _entries(
-    snapshots: list[Snapshot], layers: Layers, paths: bool, time_marks: bool, wording: Wording
+    snapshots: list[Snapshot], layers: Layers, paths: bool, time_marks: bool, wording: _Wording
 ) -> Iterable[Entry]:
-    """The entries for what the pictures of these snapshots show, in the order of the rows."""
+    """The entries of all symbols in pictures of the snapshots, in the order of the rows."""
 
     def entry(name: str, draw: Callable[[Brush], None], size: float = 2 * _RADIUS, **values: str) -> Entry:
         return Entry(name, wording(name, **values), draw, size)

@@ -13,13 +13,13 @@ from typing import Any
 from ..core.files.locations import location
 from ..core.notebook import notebook_shell
 from ..errors import RenderError
-from .draw import picture
-from .drawing import Drawing, drawing_of
-from .episode_files import FILM_SUFFIXES, render
+from .drawing import drawing_of
+from .episode_files import render
 from .episode_page import page_of
+from .film import FILM_SUFFIXES
 from .layers import Layers
 from .sheets import Sheet
-from .stills import filmstrip, png_of, write_file
+from .stills import Still, filmstrip, write_file
 from .trails import Trails
 
 _CARD_SIDE = 320  # px, longer side of the picture beside a table
@@ -46,23 +46,20 @@ def show(
 ) -> None:
     """See `Drawable.show`."""
     drawing = drawing_of(subject)
-    surface = picture(
-        drawing.snapshots[-1], size=size, layers=layers or Layers(legend=True), trails=_trails(drawing),
-        caption=caption, outcome=drawing.outcome,
-    )  # fmt: skip
-    content = png_of(surface)
-    if not _displayed({"image/png": content}):
-        _open(content, ".png")
+    still = Still.of(
+        drawing.snapshots[-1],
+        size=size,
+        layers=layers or Layers(legend=True),
+        trails=Trails.of(drawing.snapshots) if len(drawing.snapshots) > 1 else None,
+        caption=caption,
+        outcome=drawing.outcome,
+    )
+    _show_picture(still.pixels().content())
 
 
 def animate(subject: object, *, layers: Layers | None = None, caption: str | None = None) -> None:
     """See `Drawable.animate`."""
-    drawing = drawing_of(subject)
-    page = page_of(
-        drawing.snapshots, commands=drawing.commands, labels=drawing.labels, layers=layers, caption=caption,
-        outcome=drawing.outcome,
-    )  # fmt: skip
-    show_page(page)
+    show_page(page_of([drawing_of(subject)], layers=layers, caption=caption))
 
 
 def show_page(page: str, *, height: int = _PAGE_HEIGHT) -> None:
@@ -79,25 +76,26 @@ def show_page(page: str, *, height: int = _PAGE_HEIGHT) -> None:
         f'<iframe srcdoc="{html.escape(page)}" style="width: 100%; height: {height}px; border: 0" '
         'sandbox="allow-scripts"></iframe>'
     )
-    if not _displayed({"text/html": frame}):
-        _open(page.encode(), ".html")
+    _show("text/html", frame, page.encode(), ".html")
 
 
 def save_sheet(subjects: Iterable[object], titles: Sequence[str], path: str | Path, **options: Any) -> None:
     """See `Dataset.save`."""
-    Sheet([drawing_of(subject) for subject in subjects], titles).save(path, **options)
+    _sheet(subjects, titles).save(path, **options)
 
 
 def show_sheet(subjects: Iterable[object], titles: Sequence[str]) -> None:
     """See `Dataset.show`."""
-    content = png_of(Sheet([drawing_of(subject) for subject in subjects], titles).picture())
-    if not _displayed({"image/png": content}):
-        _open(content, ".png")
+    _show_picture(_sheet(subjects, titles).picture())
 
 
 def animate_sheet(subjects: Iterable[object], titles: Sequence[str]) -> None:
     """See `Dataset.animate`."""
-    show_page(Sheet([drawing_of(subject) for subject in subjects], titles).page(), height=_PAGE_HEIGHT + 200)
+    show_page(_sheet(subjects, titles).page(), height=_PAGE_HEIGHT + 200)
+
+
+def _sheet(subjects: Iterable[object], titles: Sequence[str]) -> Sheet:
+    return Sheet([drawing_of(subject) for subject in subjects], titles)
 
 
 def card(title: str, facts: Mapping[str, object], subjects: Iterable[object], titles: Sequence[str] = ()) -> str:
@@ -132,25 +130,19 @@ def card(title: str, facts: Mapping[str, object], subjects: Iterable[object], ti
     )
 
 
-def _trails(drawing: Drawing) -> Trails | None:
-    """The paths of a drawing; a single state has none."""
-    return Trails.of(drawing.snapshots) if len(drawing.snapshots) > 1 else None
+def _show_picture(content: bytes) -> None:
+    _show("image/png", content, content, ".png")
 
 
-def _displayed(data: Mapping[str, Any]) -> bool:
-    """Show data by media type below the cell of a notebook that runs; False if there is none."""
-    if notebook_shell() is None:
-        return False
-    importlib.import_module("IPython.display").display(dict(data), raw=True)
-    return True
-
-
-def _open(content: bytes, suffix: str) -> None:
-    """Open a file in the browser.
+def _show(media_type: str, below_cell: object, content: bytes, suffix: str) -> None:
+    """Show data below the cell of a notebook, or the content of a file in the browser.
 
     Raises:
-        RenderError: there is none.
+        RenderError: there is neither a notebook nor a browser.
     """
+    if notebook_shell() is not None:
+        importlib.import_module("IPython.display").display({media_type: below_cell}, raw=True)
+        return
     path = Path(tempfile.mkdtemp(prefix="sonata2d-")) / f"episode{suffix}"
     write_file(path, content)
     if not webbrowser.open(path.as_uri()):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from typing import Any
 
@@ -15,15 +14,13 @@ from ..core.snapshot import Snapshot
 from ..errors import RenderError
 from .brush import Brush
 from .canvas import PixelCanvas
-from .draw import backdrop, camera_for, draw_annotations, draw_moving
-from .furniture import draw_furniture
-from .landmarks import draw_landmarks
+from .draw import backdrop, camera_for, draw_ids, draw_moving_parts, draw_still_parts
 from .layers import Layers
-from .palette import OUTSIDE
+from .palette import OUTSIDE, Colour
 from .projection import MAX_SIDE, MIN_SIDE, Camera
-from .room import FloorPlan, draw_room
+from .room import FloorPlan
 from .sprites import SpriteCache
-from .trails import Trails, draw_fast_trails
+from .trails import Trails
 
 _VIEW_RANGE = 5.0  # m, from the robot to the upper edge of the follow view
 _MAX_PAINTERS = 4  # scenes for which `image_of` keeps a painter
@@ -31,14 +28,17 @@ _SMALL_IMAGE = 40_000  # px; images up to this size are supersampled, because th
 
 
 class Painter:
-    """Draws snapshots of one scene on surfaces, and caches what several pictures need.
+    """Painter of snapshots of one scene, which caches the room and the figures.
 
     Args:
         scene: the scene of all snapshots.
+        outside: colour around the room.
+        cut_zones: whether zones end at the outline of the room, which takes longer.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, *, outside: Colour = OUTSIDE, cut_zones: bool = False) -> None:
         self._scene, self._plan, self._sprites = scene, FloorPlan.of(scene), SpriteCache()
+        self._outside, self._cut_zones = outside, cut_zones
         self._room: tuple[tuple[Any, ...], pygame.Surface] | None = None
 
     def draw(
@@ -51,6 +51,7 @@ class Painter:
         zoom: float = 1.0,
         trails: Trails | None = None,
         view_range: float = _VIEW_RANGE,
+        camera: Camera | None = None,
     ) -> Camera:
         """Fill the surface with a snapshot.
 
@@ -61,6 +62,7 @@ class Painter:
             zoom: magnification.
             trails: past paths of robot and pedestrians.
             view_range: distance from the robot to the upper edge of the follow view at zoom 1, m.
+            camera: replaces the one of the view and zoom; of several pictures the same.
 
         Returns:
             The camera, with which callers can place further drawings.
@@ -68,32 +70,31 @@ class Painter:
         Raises:
             RenderError: the surface's size, the zoom or the view range is out of range.
         """
-        size, robot = surface.get_size(), snapshot.robot
-        if "robot" in self._scene.unmeasured:  # there is nothing to follow
-            view = "top"
-        if view == "follow":
-            camera = Camera.behind(robot.position, robot.direction, size=size, view_range=view_range / zoom)
-        else:
-            camera = camera_for(self._scene, size=size)
-            camera = camera if zoom == 1.0 else camera.zoomed(zoom, robot.position)
-        brush = Brush(PixelCanvas(surface), camera, cache=partial(self._sprites.put, surface))
-        if view == "top" and zoom <= 1.0:
+        is_fixed = camera is not None
+        if camera is None:
+            # without a recorded robot there is nothing to follow
+            if view == "follow" and "robot" not in self._scene.unmeasured:
+                robot, far = snapshot.robot, view_range / zoom
+                camera = Camera.behind(robot.position, robot.direction, size=surface.get_size(), view_range=far)
+            else:
+                camera, is_fixed = camera_for(self._scene, size=surface.get_size()), zoom <= 1.0
+                camera = camera if zoom == 1.0 else camera.zoomed(zoom, snapshot.robot.position)
+        canvas = PixelCanvas(surface)
+        brush = Brush(canvas, camera, cache=partial(self._sprites.put, surface))
+        if is_fixed:
             surface.blit(self._fixed_room(camera, layers), (0, 0))
         else:
-            surface.fill(OUTSIDE)
-            draw_room(brush, self._plan, grid=layers.grid)
-            draw_landmarks(brush, self._scene)
-            draw_furniture(brush, self._scene)
-        draw_paths = partial(draw_fast_trails, surface=surface, trails=trails)
-        draw_moving(brush, snapshot, layers, draw_paths, cut_zones=False)
-        draw_annotations(brush, snapshot, layers)
+            surface.fill(self._outside)
+            draw_still_parts(brush, self._scene, grid=layers.grid, plan=self._plan)
+        draw_moving_parts(brush, snapshot, layers, trails, cut_zones=self._cut_zones)
+        draw_ids(canvas, camera, snapshot, layers)
         return camera
 
     def _fixed_room(self, camera: Camera, layers: Layers) -> pygame.Surface:
         """The picture of the room for a camera that does not move; cached."""
         key = (camera, layers.grid)
         if self._room is None or self._room[0] != key:
-            large = backdrop(self._scene, camera, layers, outside=OUTSIDE)
+            large = backdrop(self._scene, camera, layers, outside=self._outside)
             room = pygame.Surface(camera.size, 0, 32)
             self._room = key, pygame.transform.smoothscale(large, camera.size, room)
         return self._room[1]
@@ -114,8 +115,14 @@ def image_of(snapshot: Snapshot, request: ImageRequest) -> Any:
     Example:
         image_of(snapshot, ImageRequest(160, 120, view="follow")).shape  # (120, 160, 3)
     """
-    _check(request)
     size = request.width, request.height
+    if not all(MIN_SIDE <= side <= MAX_SIDE for side in size):
+        raise RenderError(
+            f"cannot draw an image of {request.width} x {request.height} pixels; "
+            f"a side must have {MIN_SIDE} to {MAX_SIDE} pixels"
+        )
+    if request.view not in ("follow", "top"):
+        raise RenderError(f"cannot draw an image with view {request.view!r}; use 'follow' or 'top'")
     fine = 2 if request.width * request.height <= _SMALL_IMAGE else 1
     surface = pygame.Surface((fine * size[0], fine * size[1]), 0, 32)
     _painter_of(snapshot.scene).draw(surface, snapshot, view=request.view, view_range=request.view_range)
@@ -123,21 +130,6 @@ def image_of(snapshot: Snapshot, request: ImageRequest) -> Any:
         surface = pygame.transform.smoothscale(surface, size)
     image = np.frombuffer(pygame.image.tobytes(surface, "RGB"), dtype=np.uint8)
     return image.reshape(request.height, request.width, 3).copy()
-
-
-def _check(request: ImageRequest) -> None:
-    sizes = (request.width, request.height)
-    if not all(MIN_SIDE <= side <= MAX_SIDE for side in sizes):
-        raise RenderError(
-            f"cannot draw an image of {request.width} x {request.height} pixels; "
-            f"a side must have {MIN_SIDE} to {MAX_SIDE} pixels"
-        )
-    if request.view not in ("follow", "top"):
-        raise RenderError(f"cannot draw an image with view {request.view!r}; use 'follow' or 'top'")
-    if not 0.0 < request.view_range < math.inf:
-        raise RenderError(
-            f"cannot draw an image with a view range of {request.view_range:g} m; use a positive, finite range"
-        )
 
 
 def _painter_of(scene: Scene) -> Painter:

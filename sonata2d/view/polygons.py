@@ -6,10 +6,7 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-import numpy as np
-
 from ..core.geometry import Point
-from ..core.portable_math import Array
 
 _MIN_BEND = 0.3  # limits how far a sharp corner is moved
 
@@ -41,23 +38,6 @@ def ribbon(points: Sequence[Point], half_width: float) -> list[Point]:
     right = [(x + dx, y + dy) for (x, y), (dx, dy) in zip(points, sides, strict=True)]
     left = [(x - dx, y - dy) for (x, y), (dx, dy) in zip(points, sides, strict=True)]
     return right + left[::-1]
-
-
-def step_ribbons(steps: Array, half_width: float) -> Array:
-    """The outlines of straight lines, each as `ribbon` gives it.
-
-    Args:
-        steps: (K, 2, 2), start and end of each, px.
-        half_width: px.
-
-    Returns:
-        (K, 4, 2), px.
-    """
-    start, end = steps[:, 0], steps[:, 1]
-    dx, dy = (end - start).T
-    length = np.hypot(dx, dy)[:, None]
-    side = np.stack((dy, -dx), axis=1) / np.where(length > 0.0, length, 1.0) * half_width
-    return np.stack((start + side, end + side, end - side, start - side), axis=1)
 
 
 def _normal_sum(before: Point, corner: Point, after: Point) -> Point:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 from xml.etree import ElementTree
 
@@ -15,14 +16,13 @@ from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, o
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from .brush import Brush
-from .draw import camera_for
-from .furniture import draw_furniture, half_size
-from .landmarks import draw_landmarks
+from .draw import camera_for, draw_still_parts
+from .figures import draw_chassis, draw_foot, draw_head, draw_limbs, draw_target
+from .furniture import half_size
 from .layers import Layers, visible_interactions
 from .legend import Legend, english, name_of
-from .palette import ACTIVITY, BLUE, DARK, FAINT, FLOOR, GOAL, HAIR, INK, PAPER, ROBOT, hex_colour, mixed, shaded
+from .palette import ACTIVITY, BLUE, FAINT, FLOOR, GOAL, INK, ROBOT, hex_colour, mixed, shaded
 from .projection import Camera
-from .room import FloorPlan, draw_room
 from .svg import SvgCanvas
 from .trails import human_tones
 
@@ -36,9 +36,7 @@ _REACTIONS = {
     "curious": "curious about the robot",
     "scared": "scared of the robot",
 }
-_ROOM_SCALE = (
-    100.0  # px/m of the drawing of the room, whose lines then have two decimals; browsers draw it at any scale
-)
+_SCALE = 100.0  # px/m of the room and of symbols, whose lines then have two decimals; browsers draw them at any scale
 
 _TONES = {
     name: {
@@ -47,30 +45,22 @@ _TONES = {
         "outline": shaded(colour, 0.25),
         "body": mixed(FLOOR, colour, 0.28),
         "plain": mixed(FLOOR, colour, 0.7),
-        "feet": shaded(colour, 0.6),
-        "sleeve": mixed(shaded(colour), colour, 0.5),
     }
     for name, colour in ACTIVITY.items()
 }
 _COLOURS = {
     "robot": ROBOT,
-    "robotEdge": shaded(ROBOT),
     "goal": GOAL,
-    "goalFloor": mixed(FLOOR, GOAL, 0.16),
     "zone": BLUE,
     "intimateLine": mixed(FLOOR, INK, 0.3),
     "personalLine": mixed(FLOOR, INK, 0.22),
     "link": FAINT,
-    "dark": DARK,
-    "paper": PAPER,
     "ink": INK,
-    "hair": HAIR,
-    "crown": mixed(HAIR, PAPER, 0.18),
 }
 
 
 def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # noqa: B008  frozen
-    """Constant data of an episode.
+    """The data of a scene that stay the same during an episode.
 
     Args:
         scene: the scene.
@@ -107,11 +97,33 @@ def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # no
         "tones": {name: {key: hex_colour(c) for key, c in tones.items()} for name, tones in _TONES.items()},
         "colours": {name: hex_colour(colour) for name, colour in _COLOURS.items()},
         "zones": (INTIMATE_DISTANCE, PERSONAL_DISTANCE),
+        "symbols": _symbols(scene),
     }
 
 
+def _symbols(scene: Scene) -> dict[str, str]:
+    """Drawings around the origin, as SVG elements; heads and limbs belong to a body of size 1 m."""
+    radius = scene.robot.radius
+    drawings: dict[str, Callable[[Brush], None]] = {
+        "goal": partial(draw_target, radius=scene.goal.distance),
+        "robot": partial(draw_chassis, r=radius),
+        "touching": partial(draw_chassis, r=radius, touches=True),
+        "head": partial(draw_head, r=1.0),
+        "round head": partial(draw_head, r=1.0, nose=False),
+    }
+    for activity in ACTIVITIES:
+        is_walking = activity.startswith("walking")  # of a walking pedestrian, the feet are placed one by one
+        drawings[activity] = partial(draw_foot if is_walking else draw_limbs, activity=activity, r=1.0)
+    symbols = {}
+    for name, draw in drawings.items():
+        canvas = SvgCanvas((0, 0))
+        draw(Brush(canvas, Camera(_SCALE, 0.0, 0.0, (0, 0))))
+        symbols[name] = canvas.inline()
+    return symbols
+
+
 def state_data(snapshot: Snapshot) -> dict[str, Any]:
-    """Data that change from tick to tick: time, rows of robot and pedestrians, links, contact, distances."""
+    """The data of one tick: time, rows of robot and pedestrians, links, contact, distances."""
     return {
         "time": _number(snapshot.time),
         "robot": _robot_row(snapshot),
@@ -123,7 +135,7 @@ def state_data(snapshot: Snapshot) -> dict[str, Any]:
 
 
 def states_data(snapshots: Sequence[Snapshot]) -> list[dict[str, Any]]:
-    """The states of an episode; one that has no `links` has those of the state before."""
+    """The states of an episode; a state without `links` has the links of the state before."""
     states: list[dict[str, Any]] = []
     links = None
     for snapshot in snapshots:
@@ -149,18 +161,15 @@ def legend_data(legend: Legend) -> list[dict[str, str]]:
 def _camera_of(scene: Scene) -> Camera:
     """A camera that sees the whole room, whatever its size."""
     fitting = camera_for(scene)
-    factor = _ROOM_SCALE / fitting.scale
+    factor = _SCALE / fitting.scale
     size = round(fitting.size[0] * factor), round(fitting.size[1] * factor)
-    return Camera(_ROOM_SCALE, fitting.left, fitting.top, size)
+    return Camera(_SCALE, fitting.left, fitting.top, size)
 
 
 def _room_url(scene: Scene, camera: Camera, layers: Layers) -> str:
     """The room as SVG in a data URL, transparent outside."""
     canvas = SvgCanvas(camera.size)
-    brush = Brush(canvas, camera)
-    draw_room(brush, FloorPlan.of(scene), grid=layers.grid)
-    draw_landmarks(brush, scene)
-    draw_furniture(brush, scene)
+    draw_still_parts(Brush(canvas, camera), scene, grid=layers.grid)
     return "data:image/svg+xml;base64," + base64.b64encode(ElementTree.tostring(canvas.root)).decode("ascii")
 
 

@@ -1,35 +1,138 @@
-"""Several episodes side by side: as a picture, as a film, or as a page that plays the one that is chosen."""
+"""Several pictures side by side: scenes, moments of an episode, and episodes as a picture, a film or a page."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
+import numpy as np
 import pygame
-from jinja2 import Environment, PackageLoader
 
 from ..core.files.locations import location
 from ..core.notebook import ProgressBar, bar_of
+from ..core.scene import Scene
+from ..core.snapshot import Snapshot, snapshot_of
 from ..errors import RenderError
-from .annotations import TEXT
-from .draw import camera_for, picture
+from .annotations import STRIP, TEXT, draw_strip, origin, summary
+from .canvas import PixelCanvas
 from .drawing import Drawing
 from .episode_page import page_of
-from .film import save_sheet_film
+from .film import FILM_SUFFIXES, FilmPainter, save_sheet_film
 from .fonts import shortened
 from .layers import Layers
 from .legend import Legend
-from .palette import FAINT, PAPER
-from .sequence import PictureSequence
-from .stills import GAP, TITLE, common_scale, filmstrip, save_surface, tiled, vectors, with_title, write_file
+from .palette import FAINT
+from .stills import Still, write_file
 from .svg import SvgCanvas
 from .trails import Trails
 
-SUFFIXES = (".png", ".svg", ".gif", ".mp4", ".html")
+SUFFIXES = (".png", ".svg", *FILM_SUFFIXES, ".html")
+_GAP, _TITLE = 10, 26  # px: between pictures, and height of a title
+_WIDTH, _MAX_SCALE = 1600.0, 80.0  # px, px/m: of a sheet by default
+_MAX_COLUMNS = 4  # moments side by side
 _LAYERS = Layers(caption=False, legend=False)
+
+Kind = TypeVar("Kind", PixelCanvas, SvgCanvas)
+
+
+def _tiled(pictures: Sequence[Kind], titles: Sequence[str], columns: int) -> Kind:
+    """Arrange pictures with their titles in rows from the upper left, each centred in its column.
+
+    Args:
+        pictures: at least one.
+        titles: one for each.
+        columns: at most, for fewer pictures less.
+    """
+    columns = min(columns, len(pictures))
+    width = max(drawn.size[0] for drawn in pictures)
+    heights = [
+        max(drawn.size[1] for drawn in pictures[k : k + columns]) + _TITLE for k in range(0, len(pictures), columns)
+    ]
+    sheet = type(pictures[0]).blank((columns * (width + _GAP) - _GAP, sum(heights) + (len(heights) - 1) * _GAP))
+    for k, (drawn, title) in enumerate(zip(pictures, titles, strict=True)):
+        row, column = divmod(k, columns)
+        left = column * (width + _GAP) + (width - drawn.size[0]) // 2
+        top = sum(heights[:row]) + row * _GAP
+        place = (left + drawn.size[0] // 2, top + _TITLE // 2 + 4)
+        sheet.text(FAINT, shortened(title, drawn.size[0] - 12, TEXT), place, TEXT)
+        sheet.place(drawn, left, top + _TITLE)
+    return sheet
+
+
+def _common_scale(scenes: Sequence[Scene], columns: int) -> float:
+    """Pixels per metre at which the widest scene fills a column of a sheet; a room without outline counts as 10 m."""
+    widest = max(float(np.ptp(scene.outline[:, 0])) for scene in scenes) if all(s.polygon for s in scenes) else 10.0
+    return min(_MAX_SCALE, (_WIDTH / columns - _GAP) / (widest + 0.6))
+
+
+def scene_picture(
+    *scenes: Scene,
+    columns: int | None = None,
+    scale: float | None = None,
+    layers: Layers | None = None,
+    titles: Sequence[str] | None = None,
+) -> pygame.Surface:
+    """Draw a contact sheet of scenes, each with a title, all at the same scale.
+
+    Args:
+        columns: pictures per row; by default about as many as rows.
+        scale: pixels per metre; by default the one that makes the sheet 1600 px wide, at most 80.
+        layers: what to show, without legend; by default everything but the caption.
+        titles: one per scene; by default name, seed and episode.
+
+    Raises:
+        RenderError: no scene is given, or a picture would be too large or too small at that scale.
+    """
+    if not scenes:
+        raise RenderError("there is no scene to draw; give at least one")
+    columns = columns or math.ceil(math.sqrt(len(scenes)))
+    bare, scale = replace(layers or _LAYERS, legend=False), scale or _common_scale(scenes, columns)
+    stills = [Still.of(snapshot_of(scene), layers=bare, scale=scale) for scene in scenes]
+    titles = titles or [f"{scene.name}   {origin(scene)}" for scene in scenes]
+    return _tiled([still.pixels() for still in stills], titles, columns).surface
+
+
+def moments(
+    snapshots: Sequence[Snapshot],
+    count: int,
+    *,
+    scale: float | None = None,
+    layers: Layers,
+    caption: str | None = None,
+    outcome: str | None = None,
+) -> PixelCanvas:
+    """Draw moments of an episode side by side, evenly spaced from first to last, each with the paths up to it.
+
+    Args:
+        count: number of moments; more than fit into a row become several rows.
+        scale, layers, caption, outcome: as for `picture`; by default a moment is 380 px wide or more.
+
+    Raises:
+        RenderError: the count is outside 1 to the number of snapshots.
+    """
+    if not 1 <= count <= len(snapshots):
+        raise RenderError(f"cannot show {count} moments of {len(snapshots)}; ask for 1 to {len(snapshots)}")
+    columns = math.ceil(count / math.ceil(count / _MAX_COLUMNS))  # as few rows as possible, filled evenly
+    scale = scale or _common_scale([snapshots[0].scene], columns)
+    bare = replace(layers, caption=False, legend=False)
+    indices = [round(x) for x in np.linspace(0 if count > 1 else len(snapshots) - 1, len(snapshots) - 1, count)]
+    trails = [Trails.of(snapshots[: k + 1]) for k in indices]
+    stills = [
+        Still.of(snapshots[k], layers=bare, trails=path, scale=scale) for k, path in zip(indices, trails, strict=True)
+    ]
+    rows = _tiled([still.pixels() for still in stills], [f"{snapshots[k].time:.1f} s" for k in indices], columns)
+    (width, height), shown = rows.size, [snapshots[k] for k in indices]
+    legend = Legend.of(shown, layers, paths=True, time_marks=trails[-1].has_marks)
+    sheet = PixelCanvas.blank((width, height + layers.strip + legend.height(width)))
+    sheet.place(rows, 0, 0)
+    if layers.caption:
+        text = summary(snapshots[-1], outcome) if caption is None else caption
+        draw_strip(sheet, (width, height + STRIP), text, stills[0].camera.scale, None)
+    legend.draw(sheet, height + layers.strip, width)
+    return sheet
 
 
 @dataclass(frozen=True)
@@ -72,48 +175,30 @@ class Sheet:
         suffix = location(path).suffix.lower()
         if suffix not in SUFFIXES:
             raise RenderError(f"{path}: the suffix selects the format; end the name in one of {', '.join(SUFFIXES)}")
-        if suffix not in (".gif", ".mp4") and (fps, speed) != (None, None):
+        if suffix not in FILM_SUFFIXES and (fps, speed) != (None, None):
             raise RenderError(f"{path}: fps and speed have an effect on films only, .gif and .mp4")
-        if suffix == ".png":
-            save_surface(self.picture(), path)
-        elif suffix == ".svg":
-            self._vectors().write(path)
+        if suffix == ".svg":
+            write_file(path, self._tiled([still.vectors() for still in self._stills]).content())
+        elif suffix == ".png":
+            write_file(path, self.picture())
         elif suffix == ".html":
             write_file(path, self.page().encode())
         else:
-            make = partial(PictureSequence, scale=self._scale, layers=_LAYERS)
-            episodes = [drawing.snapshots for drawing in self.drawings]
-            pace = 1.0 if speed is None else speed
-            save_sheet_film(path, episodes, make, self._arranged, fps=fps, speed=pace, bar=bar_of(progress))
+            painters = [FilmPainter(still.snapshot.scene, still.camera, _LAYERS) for still in self._stills]
+            episodes, pace = [drawing.snapshots for drawing in self.drawings], 1.0 if speed is None else speed
+            save_sheet_film(path, episodes, painters, self._tiled, fps=fps, speed=pace, bar=bar_of(progress))
 
-    def picture(self) -> pygame.Surface:
-        """Each episode at its end, with the paths up to it.
+    def picture(self) -> bytes:
+        """The content of a PNG file: each episode at its end, with the paths up to it.
 
         Raises:
             RenderError: a picture would be too large or too small at the common scale.
         """
-        return self._arranged(
-            [
-                picture(drawing.snapshots[-1], layers=_LAYERS, trails=Trails.of(drawing.snapshots), scale=self._scale)
-                for drawing in self.drawings
-            ]
-        )
+        return self._tiled([still.pixels() for still in self._stills]).content()
 
     def page(self) -> str:
         """A page with a picture of each episode, which plays the one that is chosen."""
-        episodes = [
-            {
-                "title": title,
-                "picture": filmstrip(drawing.snapshots, [len(drawing.snapshots) - 1])[0],
-                "page": page_of(
-                    drawing.snapshots, commands=drawing.commands, labels=drawing.labels, outcome=drawing.outcome
-                ),
-            }
-            for title, drawing in zip(self._texts, self.drawings, strict=True)
-        ]
-        environment = Environment(loader=PackageLoader(__package__, "."), autoescape=True)
-        text: str = environment.get_template("sheet.html").render(episodes=episodes)
-        return text
+        return page_of(self.drawings, self._texts)
 
     @property
     def _texts(self) -> list[str]:
@@ -127,32 +212,12 @@ class Sheet:
         return math.ceil(math.sqrt(len(self.drawings)))
 
     @property
-    def _scale(self) -> float:
-        return common_scale([drawing.snapshots[-1].scene for drawing in self.drawings], self._columns)
+    def _stills(self) -> list[Still]:
+        ends = [drawing.snapshots[-1] for drawing in self.drawings]
+        scale = _common_scale([end.scene for end in ends], self._columns)
+        trails = [Trails.of(drawing.snapshots) for drawing in self.drawings]
+        return [Still.of(end, layers=_LAYERS, trails=path, scale=scale) for end, path in zip(ends, trails, strict=True)]
 
-    def _arranged(self, pictures: Sequence[pygame.Surface]) -> pygame.Surface:
+    def _tiled(self, pictures: Sequence[Kind]) -> Kind:
         """The pictures in rows, with their titles."""
-        return tiled([with_title(*one) for one in zip(pictures, self._texts, strict=True)], self._columns)
-
-    def _vectors(self) -> SvgCanvas:
-        """The same as `picture`, as vectors."""
-        parts = []
-        for drawing in self.drawings:
-            last = drawing.snapshots[-1]
-            camera = camera_for(last.scene, scale=self._scale)
-            parts.append(vectors(last, camera, _LAYERS, Legend(), Trails.of(drawing.snapshots), None, None))
-        sizes = [(int(part.root.attrib["width"]), int(part.root.attrib["height"]) + TITLE) for part in parts]
-        columns = min(self._columns, len(parts))
-        width = max(size[0] for size in sizes)
-        heights = [max(size[1] for size in sizes[k : k + columns]) for k in range(0, len(parts), columns)]
-        whole = (columns * (width + GAP) - GAP, sum(heights) + (len(heights) - 1) * GAP)
-        canvas = SvgCanvas(whole)
-        canvas.rectangle(PAPER, pygame.Rect(0, 0, *whole))
-        for k, (part, text) in enumerate(zip(parts, self._texts, strict=True)):
-            row, column = divmod(k, columns)
-            left = column * (width + GAP) + (width - sizes[k][0]) // 2
-            top = sum(heights[:row]) + row * GAP
-            place = (left + sizes[k][0] // 2, top + TITLE // 2 + 4)
-            canvas.text(FAINT, shortened(text, sizes[k][0] - 12, TEXT), place, TEXT)
-            canvas.place(part, left, top + TITLE)
-        return canvas
+        return _tiled(pictures, self._texts, self._columns)

@@ -26,18 +26,18 @@ from .projection import Camera
 _FINE, _QUICK = 4, 2  # supersampling factors of tiles; the second for drawings larger than
 _LARGE, _LARGE_SIMPLE = 80.0, 48.0  # px a side; the second limit for polygons and for drawings of more than
 _MANY = 40  # shapes
+_SMALL = 24.0  # px, radius of drawings whose tiles are squares around them
 _STEPS, _TURNS = 8, 400  # positions are cached per 1/8 pixel, unit vectors per 1/400
 _MAX_SPRITES, _MAX_PIXELS = 2000, 6_000_000
 
-Shape = tuple[Primitive, Colour, int, int, tuple[Any, ...]]  # primitive, colour, range of its points, settings
+_Shape = tuple[Primitive, Colour, int, int, tuple[Any, ...]]  # primitive, colour, range of its points, settings
 
 
-class Recorder(RasterCanvas):
+class _Recorder(RasterCanvas):
     """A canvas that records primitives, so that they can be drawn at other positions and rotations.
 
     Args:
-        fine: supersampling factor.
-        on_tile: whether they will be drawn on a transparent tile; otherwise on a picture.
+        fine: supersampling factor of the transparent tile that they will be drawn on; 1 for the picture itself.
 
     Attributes:
         points: of all shapes, px.
@@ -45,15 +45,14 @@ class Recorder(RasterCanvas):
         shapes: the primitives, which refer to ranges of `points`.
     """
 
-    def __init__(self, fine: int, *, on_tile: bool = True) -> None:
+    def __init__(self, fine: int) -> None:
         super().__init__(fine)
-        self._on_tile = on_tile and fine > 1
         self.points: list[Point] = []
         self.margins: list[float] = []
-        self.shapes: list[Shape] = []
+        self.shapes: list[_Shape] = []
 
     def wash(self, colour: Colour, alpha: int, points: Sequence[Point]) -> None:
-        if self._on_tile:
+        if self.fine > 1:
             self.draw(_tile_wash, colour, points, 0.0, alpha)
         else:
             super().wash(colour, alpha, points)
@@ -67,20 +66,19 @@ class Recorder(RasterCanvas):
         self.shapes.append((primitive, colour, start, len(self.points), settings))
 
 
-def _tile_wash(surface: pygame.Surface, colour: Colour, points: Sequence[Point], alpha: int) -> pygame.Rect:
+def _tile_wash(surface: pygame.Surface, colour: Colour, points: Sequence[Point], alpha: int) -> None:
     """Replace pixels of a tile by a translucent colour, instead of blending as a wash on a picture does."""
-    return pygame.draw.polygon(surface, premultiplied(colour, alpha), points)
+    pygame.draw.polygon(surface, premultiplied(colour, alpha), points)
 
 
 @dataclass(frozen=True, slots=True)
-class Sprite:
+class _Sprite:
     """A recorded drawing.
 
     Attributes:
         points: (P, 2), pixels right of and below its origin, multiplied by `fine`.
         margin: (P, 1), pixels by which the shape extends beyond each point.
         radius: distance from the origin to the farthest drawn pixel, in pixels of the picture.
-        is_round: whether the outline is a circle around the origin and hence independent of the rotation.
         shapes: in drawing order.
         fine: supersampling factor of its tile; 1 if it is drawn directly on the picture, antialiased.
     """
@@ -88,12 +86,11 @@ class Sprite:
     points: Array
     margin: Array
     radius: float
-    is_round: bool
-    shapes: tuple[Shape, ...]
+    shapes: tuple[_Shape, ...]
     fine: int
 
     @classmethod
-    def of(cls, draw: Callable[[Brush], None], scale: float, fine: int | None = None) -> Sprite:
+    def of(cls, draw: Callable[[Brush], None], scale: float, fine: int | None = None) -> _Sprite:
         """Record a drawing.
 
         Args:
@@ -101,18 +98,20 @@ class Sprite:
             scale: pixels per metre of the picture.
             fine: supersampling factor; by default chosen by the size of the drawing.
         """
-        recorder = Recorder(fine or _FINE)
+        recorder = _Recorder(fine or _FINE)
         draw(Brush(recorder, Camera(scale * recorder.fine, 0.0, 0.0, (0, 0)), recorder.fine))
         points = np.array(recorder.points, dtype=float).reshape(-1, 2)
         margin = np.array(recorder.margins, dtype=float).reshape(-1, 1) + 1.0
-        size = float(np.max((points + margin).max(axis=0) - (points - margin).min(axis=0)))
-        angular, busy = recorder.shapes[0][0] is pygame.draw.polygon, len(recorder.shapes) > _MANY
-        if fine is None and size > (_LARGE_SIMPLE if angular or busy else _LARGE) * recorder.fine:
-            return cls.of(draw, scale, 1 if angular and size > _LARGE * recorder.fine else _QUICK)
-        extent = np.sqrt((points * points).sum(axis=1)) + margin[:, 0]
-        is_round = bool(margin[0, 0] > 0.98 * extent.max())
-        radius = float(extent.max()) / recorder.fine
-        return cls(points, margin, radius, is_round, tuple(recorder.shapes), recorder.fine)
+        size = float(((points + margin).max(axis=0) - (points - margin).min(axis=0)).max()) / recorder.fine
+        first = recorder.shapes[0][0]
+        is_angular, is_busy = first is pygame.draw.polygon, len(recorder.shapes) > _MANY
+        if fine is None and is_angular and size > _LARGE:
+            return cls.of(draw, scale, 1)
+        # the edges of a translucent drawing are faint
+        if fine is None and (first is _tile_wash or size > (_LARGE_SIMPLE if is_angular or is_busy else _LARGE)):
+            return cls.of(draw, scale, _QUICK)
+        radius = float((np.sqrt((points * points).sum(axis=1)) + margin[:, 0]).max())
+        return cls(points, margin, radius / recorder.fine, tuple(recorder.shapes), recorder.fine)
 
     def rotated(self, direction: Point) -> Array:
         """The points for a sprite that points along a unit vector of the picture, (P, 2)."""
@@ -122,7 +121,7 @@ class Sprite:
 
     def bounds(self, rotated: Array) -> tuple[float, float, float, float]:
         """Smallest x and y, then largest, of the drawn shapes relative to the origin, in pixels of the picture."""
-        if self.is_round:
+        if self.radius < _SMALL:  # a larger tile costs less than exact bounds
             return -self.radius, -self.radius, self.radius, self.radius
         x0, y0 = (rotated - self.margin).min(axis=0).tolist()
         x1, y1 = (rotated + self.margin).max(axis=0).tolist()
@@ -135,42 +134,11 @@ class Sprite:
             primitive(surface, colour, places[start:end], *settings)
 
 
-class ShapeCache:
-    """The shapes of drawings by key, to be drawn on supersampled pictures without computing all points anew."""
-
-    def __init__(self) -> None:
-        self._recorded: dict[tuple[Any, ...], tuple[Array, list[Shape]]] = {}
-
-    def put(self, canvas: RasterCanvas, camera: Camera, place: Point, *parts: Part, whole: bool = False) -> None:
-        """Draw parts on top of each other at one place of the world, each in its own direction.
-
-        Args:
-            whole: has no effect, because places are exact.
-        """
-        x, y = camera.to_pixels(place)
-        for key, draw, direction in parts:
-            points, shapes = self._shapes_of(key, draw, camera.scale, canvas.fine)
-            c, s = camera.rotated(direction)
-            places = (points @ np.array(((c, s), (-s, c))) + (x, y)).tolist()
-            for primitive, colour, start, end, settings in shapes:
-                canvas.draw(primitive, colour, places[start:end], 0.0, *settings)
-
-    def _shapes_of(
-        self, key: tuple[Any, ...], draw: Callable[[Brush], None], scale: float, fine: int
-    ) -> tuple[Array, list[Shape]]:
-        known = self._recorded.get(key)
-        if known is None:
-            recorder = Recorder(fine, on_tile=False)
-            draw(Brush(recorder, Camera(scale, 0.0, 0.0, (0, 0)), fine))
-            known = self._recorded[key] = np.array(recorder.points), recorder.shapes
-        return known
-
-
 class SpriteCache:
     """Sprites by key, and their images, so that a drawing that does not move is made once."""
 
     def __init__(self) -> None:
-        self._sprites: dict[tuple[Any, ...], Sprite] = {}
+        self._sprites: dict[tuple[Any, ...], _Sprite] = {}
         self._images: dict[tuple[Any, ...], tuple[pygame.Surface, int, int]] = {}
         self._pixels = 0  # of all images
 
@@ -188,43 +156,35 @@ class SpriteCache:
         key = (camera.scale, x, y, *(part[0] for part in parts), *rounded)
         known = self._images.get(key)
         if known is None:
-            sprites = self._sprites_of(camera.scale, parts)
+            first = self._sprite(camera.scale, parts[0], None)
+            # the others share its tile
+            sprites = [first, *(self._sprite(camera.scale, part, first.fine) for part in parts[1:])]
             radius = max(sprite.radius for sprite in sprites)
             if not in_view(surface, column - radius, row - radius, 2 * radius, 2 * radius):
                 return
-            if sprites[0].fine == 1:
+            if first.fine == 1:
                 for sprite, direction in zip(sprites, directions, strict=True):
                     sprite.draw(surface, sprite.rotated(direction) + camera.to_pixels(place))
                 return
-            known = _image((x / _STEPS, y / _STEPS), list(zip(sprites, directions, strict=True)))
-            self._keep(key, known)
+            if self._pixels > _MAX_PIXELS:
+                self._images.clear()
+                self._pixels = 0
+            known = self._images[key] = _image((x / _STEPS, y / _STEPS), list(zip(sprites, directions, strict=True)))
+            self._pixels += known[0].width * known[0].height
         image, left, top = known
         put(surface, image, column + left, row + top)
 
-    def _sprites_of(self, scale: float, parts: Sequence[Part]) -> list[Sprite]:
-        """The parts' sprites, all with the supersampling factor of the first one, because they share a tile."""
-        first = self._sprite(scale, parts[0], None)
-        return [first, *(self._sprite(scale, part, first.fine) for part in parts[1:])]
-
-    def _sprite(self, scale: float, part: Part, fine: int | None) -> Sprite:
+    def _sprite(self, scale: float, part: Part, fine: int | None) -> _Sprite:
         key = scale, fine, part[0]
         known = self._sprites.get(key)
         if known is None:
             if len(self._sprites) >= _MAX_SPRITES:  # resizing a window goes through many scales
                 self._sprites.clear()
-            known = self._sprites[key] = Sprite.of(part[1], scale, fine)
+            known = self._sprites[key] = _Sprite.of(part[1], scale, fine)
         return known
 
-    def _keep(self, key: tuple[Any, ...], known: tuple[pygame.Surface, int, int]) -> None:
-        width, height = known[0].get_size()
-        if self._pixels > _MAX_PIXELS:
-            self._images.clear()
-            self._pixels = 0
-        self._images[key] = known
-        self._pixels += width * height
 
-
-def _image(place: Point, parts: Sequence[tuple[Sprite, Point]]) -> tuple[pygame.Surface, int, int]:
+def _image(place: Point, parts: Sequence[tuple[_Sprite, Point]]) -> tuple[pygame.Surface, int, int]:
     """A premultiplied image of sprites on top of each other, and its left and top in pixels.
 
     Args:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from xml.etree import ElementTree
+from zlib import crc32
 
 import pygame
 
-from ..core.files.whole_file import whole_file
 from ..core.geometry import Point
 from ..core.portable_math import Array
-from ..errors import RenderError
 from .fonts import EM, FAMILY, font, printable, width_of
-from .palette import Colour, hex_colour
+from .palette import PAPER, Colour, hex_colour
 
 _FONT = {"font-family": f"'{FAMILY}', 'Noto Sans CJK SC', 'Noto Emoji', sans-serif"}
 _SPACE = "{http://www.w3.org/XML/1998/namespace}space"
@@ -28,6 +26,7 @@ class SvgCanvas:
     """
 
     def __init__(self, size: tuple[int, int]) -> None:
+        self.size = size
         width, height = (str(side) for side in size)
         self.root = ElementTree.Element(
             "svg",
@@ -35,6 +34,13 @@ class SvgCanvas:
             | {"viewBox": f"0 0 {width} {height}"},
         )
         self._parent = self.root
+
+    @classmethod
+    def blank(cls, size: tuple[int, int]) -> SvgCanvas:
+        """A white picture of a size, px."""
+        canvas = cls(size)
+        canvas.rectangle(PAPER, pygame.Rect(0, 0, *size))
+        return canvas
 
     def circle(self, colour: Colour, centre: Point, radius: float) -> None:
         self._add("circle", cx=_number(centre[0]), cy=_number(centre[1]), r=_number(radius), fill=hex_colour(colour))
@@ -81,29 +87,31 @@ class SvgCanvas:
             yield
 
     @contextmanager
+    def inside(self, outline: Sequence[Point]) -> Iterator[None]:
+        points = _points(outline)
+        name = f"inside-{crc32(points.encode()):x}"  # also unique among pictures that are put together
+        path = ElementTree.SubElement(self._parent, "clipPath", id=name)
+        ElementTree.SubElement(path, "polygon", points=points)
+        with self._nested(ElementTree.SubElement(self._parent, "g", {"clip-path": f"url(#{name})"})):
+            yield
+
+    @contextmanager
     def clip(self, size: tuple[int, int]) -> Iterator[None]:
-        """Clip what is drawn inside to a box of this size in pixels at the upper left corner."""
+        """Clip all drawing within the context to a box of a size in pixels at the upper left corner."""
         frame = {"width": str(size[0]), "height": str(size[1]), "overflow": "hidden"}
         with self._nested(ElementTree.SubElement(self._parent, "svg", frame)):
             yield
 
-    def write(self, path: str | Path) -> None:
-        """Write the picture to a file.
-
-        Raises:
-            RenderError: the file cannot be written.
-        """
-        try:
-            with whole_file(path) as temporary:
-                ElementTree.ElementTree(self.root).write(temporary, encoding="utf-8", xml_declaration=True)
-        except OSError as error:
-            raise RenderError(f"cannot write {path}: {error.strerror or error}") from error
-
-    def place(self, other: SvgCanvas, left: float, top: float) -> None:
+    def place(self, other: SvgCanvas, left: int, top: int) -> None:
         """Add another picture, with its upper left corner at a point, px."""
-        size = {side: other.root.attrib[side] for side in ("width", "height")}
-        part = self._add("svg", x=_number(left), y=_number(top), **size)
+        width, height = other.size
+        part = self._add("svg", x=str(left), y=str(top), width=str(width), height=str(height))
         part.extend(other.root)
+
+    def content(self) -> bytes:
+        """The content of an SVG file."""
+        text: bytes = ElementTree.tostring(self.root, encoding="utf-8", xml_declaration=True)
+        return text
 
     def inline(self) -> str:
         """The picture as an `svg` element of an HTML page, in which it needs no namespace."""
@@ -113,7 +121,7 @@ class SvgCanvas:
 
     @contextmanager
     def _nested(self, element: ElementTree.Element) -> Iterator[None]:
-        """Add what is drawn inside to an element."""
+        """Add all shapes drawn within the context to an element."""
         outer, self._parent = self._parent, element
         try:
             yield

@@ -192,8 +192,8 @@ def test_vectors_and_pages_hold_each_episode(dataset: s2.Dataset, tmp_path: Path
     assert all(len(list(part.iter())) > 20 for part in parts)
     dataset.save(tmp_path / "all.html", count=3)
     text = (tmp_path / "all.html").read_text()
-    assert text.count("<button") == 3
-    assert text.count("&lt;!DOCTYPE html&gt;") == 3  # the pages that play the episodes, as text of the buttons
+    assert text.count("<img") == 3  # one in each button
+    assert text.count('<script type="application/json">') == 3  # the data of the episodes
     assert "000002" in text
 
 

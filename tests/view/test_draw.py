@@ -13,13 +13,14 @@ from sonata2d.core.humans import ACTIVITIES
 from sonata2d.errors import RenderError
 from sonata2d.view.annotations import Label, draw_labels, value_text
 from sonata2d.view.canvas import PixelCanvas
-from sonata2d.view.draw import backdrop, camera_for, picture
+from sonata2d.view.draw import backdrop, camera_for
 from sonata2d.view.graph_picture import Panel, network_picture
 from sonata2d.view.layers import Layers
 from sonata2d.view.legend import Legend
 from sonata2d.view.palette import ACTIVITY, FLOOR, GOAL, PAPER, ROBOT, WALL, time_colour
 from sonata2d.view.projection import Camera
-from sonata2d.view.stills import scene_picture, snapshot_of
+from sonata2d.view.sheets import scene_picture
+from sonata2d.view.stills import picture, snapshot_of
 from sonata2d.view.trails import Trails
 
 from .conftest import BARE, colour_at, pixels, snapshot_at

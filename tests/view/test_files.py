@@ -17,13 +17,12 @@ from PIL import Image
 from sonata2d.core.proxemics import clearance
 from sonata2d.core.snapshot import Contact
 from sonata2d.errors import RenderError
-from sonata2d.view.draw import picture
 from sonata2d.view.episode_files import render
-from sonata2d.view.film import _tail, paced, save_film
+from sonata2d.view.film import _sampled, _tail, save_film
 from sonata2d.view.interpolation import between
 from sonata2d.view.layers import Layers
 from sonata2d.view.palette import PURPLE
-from sonata2d.view.stills import MOMENT_SIDE, filmstrip, save_moment
+from sonata2d.view.stills import MOMENT_SIDE, filmstrip, picture, save_moment
 from sonata2d.view.trails import Trails
 
 from .conftest import pixels, snapshot_at
@@ -95,11 +94,11 @@ def test_a_film_accepts_an_iterator(tmp_path, episode):
 
 
 def test_pictures_between_ticks_are_interpolated(episode):
-    fine = list(paced(episode, 0.05))
+    fine = [shown for shown, _ in _sampled(episode, 0.05, interpolate=True)]
     assert [round(s.time, 6) for s in fine] == [round(0.05 * k, 6) for k in range(23)]
     assert fine[3].robot.position[0] == pytest.approx(1.15)
     assert np.hypot(*fine[3].humans.direction.T) == pytest.approx(1.0)
-    coarse = list(paced(episode, 0.05, interpolate=False))
+    coarse = [shown for shown, _ in _sampled(episode, 0.05, interpolate=False)]
     assert coarse[3].robot.position == episode[1].robot.position
 
 

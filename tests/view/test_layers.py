@@ -8,8 +8,8 @@ from itertools import combinations
 from sonata2d.core.entities import AT_OBJECT, TALKING, Group, Interaction
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import Snapshot
-from sonata2d.view.draw import picture
-from sonata2d.view.layers import Layers, interacting_groups, visible_interactions
+from sonata2d.view.layers import Layers, _interacting_groups, visible_interactions
+from sonata2d.view.stills import picture
 
 from .conftest import snapshot_at
 
@@ -45,7 +45,7 @@ def test_a_member_that_turns_to_an_object_leaves_the_circle(scene: Scene) -> Non
     snapshot, (gone, *_) = six(scene, "circle"), (human.id for human in scene.humans)
     remaining = tuple(link for link in snapshot.interactions if gone not in (link.src, link.dst))
     interactions = (*remaining, Interaction(gone, AT_OBJECT, scene.furniture[0].id))
-    ((members, _),) = interacting_groups(replace(snapshot, interactions=interactions), "talking")
+    ((members, _),) = _interacting_groups(replace(snapshot, interactions=interactions), "talking")
     assert gone not in members
     assert len(members) == 5
 

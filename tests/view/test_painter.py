@@ -12,13 +12,12 @@ from sonata2d.core.geometry import Disc, Pose, Rectangle
 from sonata2d.core.humans import BODY_X, BODY_Y, X, Y
 from sonata2d.core.portable_math import unit_vector
 from sonata2d.errors import RenderError
-from sonata2d.view.draw import picture
 from sonata2d.view.interpolation import between
 from sonata2d.view.layers import Layers
 from sonata2d.view.painter import Painter, image_of
 from sonata2d.view.palette import ACTIVITY, FLOOR, GOAL, OUTSIDE, PAPER, ROBOT, WALL
 from sonata2d.view.projection import Camera
-from sonata2d.view.stills import snapshot_of
+from sonata2d.view.stills import picture, snapshot_of
 from sonata2d.view.trails import Trails
 
 from .conftest import BARE, colour_at, pixels, snapshot_at

@@ -19,12 +19,11 @@ from sonata2d.core.snapshot import Snapshot
 from sonata2d.formats.api import import_from
 from sonata2d.formats.format import Options
 from sonata2d.record.reader import read_episode
-from sonata2d.view.draw import picture
 from sonata2d.view.figures import human_parts
 from sonata2d.view.layers import Layers
 from sonata2d.view.painter import Painter
 from sonata2d.view.palette import GOAL, ROBOT
-from sonata2d.view.stills import save_moment
+from sonata2d.view.stills import picture, save_moment
 from sonata2d.view.trails import Trails
 
 from .conftest import BARE, pixels, snapshot_at
