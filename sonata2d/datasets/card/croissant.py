@@ -126,9 +126,9 @@ def card_licence(folder: Path) -> str | None:
     text = read_text(folder / CARD)
     front_matter = text.split("---\n", 2)[1] if text.startswith("---\n") and text.count("---\n") > 1 else ""
     for key, form in (("license_link", _ADDRESS), ("license", _LICENCE)):
-        found = re.search(rf"^{key}: (\S+)$", front_matter, re.MULTILINE)
-        if found and form.fullmatch(found[1]):
-            return found[1]
+        match = re.search(rf"^{key}: (\S+)$", front_matter, re.MULTILINE)
+        if match and form.fullmatch(match[1]):
+            return match[1]
     return None
 
 

@@ -134,8 +134,8 @@ def has_edited_card(folder: Path) -> bool:
     if not path.is_file():
         return False
     text, _, last = read_text(path).rpartition("\n<!--")
-    found = _SEAL.fullmatch(f"<!--{last}")
-    return found is None or hashlib.sha256(text.encode()).hexdigest() != found[1]
+    seal = _SEAL.fullmatch(f"<!--{last}")
+    return seal is None or hashlib.sha256(text.encode()).hexdigest() != seal[1]
 
 
 def _chosen_licence(folder: Path, publication: Publication) -> str | None:

@@ -270,8 +270,7 @@ def cut_shard(folder: Path, spec: DatasetSpec, batch: Batch, episodes: int) -> B
     with NewBatch(folder, batch.number, spec) as shard:
         for number in numbers:
             if not shard.takes_over(number):
-                file = path / spec.file_name(number)
-                raise RecordError(f"{file} was changed since it was generated; generate it again with --resume")
+                raise RecordError(f"{path / spec.file_name(number)} was changed since it was generated")
         for number, outcome in manifest["shard"]["left_out"]:
             if number < stop:
                 shard.leave_out(number, outcome)

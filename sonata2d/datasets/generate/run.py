@@ -182,8 +182,7 @@ class _Run:
         self.advance(min(progress.kept, spec.episodes))
         missing = max(0, spec.episodes - sum(batch.episodes for batch in progress.stored))
         with self._logged(missing), self._listed_if_interrupted(progress):
-            with self._failures_explained(progress):
-                self._run_pending(progress)
+            self._run_pending(progress)
             batches = progress.batches
             if spec.keep and spec.shard_size:
                 rest = spec.episodes - sum(batch.episodes for batch in batches[:-1])
@@ -250,27 +249,23 @@ class _Run:
 
     @contextmanager
     def _listed_if_interrupted(self, progress: Progress) -> Iterator[None]:
-        """If the run is interrupted, list the finished episodes in the manifest, so that other commands see them."""
+        """If the run is interrupted, list the finished episodes in the manifest, so that other commands see them.
+
+        An error of the run gets a note with the advice how to continue.
+        """
         process = os.getpid()
         try:
             yield
-        except BaseException:
+        except BaseException as error:
             if os.getpid() == process:  # and not in a copy of the process, forked by the controller
                 with suppress(OSError, Sonata2dError):  # the reason of the interruption is more important
-                    remove_partial_files(self.out)
                     batches = self._finished(progress)
-                    if any(batch.row is not None for batch in batches):
+                    stored = sum(batch.episodes for batch in batches)
+                    if isinstance(error, (WorkerError, *FAILURES)):
+                        error.add_note(self._how_to_go_on(stored))
+                    remove_partial_files(self.out)
+                    if stored:
                         self._write_manifest(batches, complete=False)
-            raise
-
-    @contextmanager
-    def _failures_explained(self, progress: Progress) -> Iterator[None]:
-        """Add to errors of the run what to do."""
-        try:
-            yield
-        except (WorkerError, *FAILURES) as error:
-            with suppress(OSError, Sonata2dError):
-                error.add_note(self._how_to_go_on(sum(batch.episodes for batch in self._finished(progress))))
             raise
 
     def _how_to_go_on(self, stored: int) -> str:
@@ -301,10 +296,7 @@ class _Run:
         removed = len(set(names) - set(file_names(out)))
         if removed:
             what = "episodes" if spec.shard_size is None else "shards"
-            raise RecordError(
-                f"{removed} of {len(names)} {what} in {out} were removed while it was generated; "
-                f"{how_to_continue(overwrite=self.overwrite)}"
-            )
+            raise RecordError(f"{removed} of {len(names)} {what} in {out} were removed while it was generated")
 
     @contextmanager
     def _logged(self, missing: int) -> Iterator[None]:

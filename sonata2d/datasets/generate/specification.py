@@ -45,7 +45,7 @@ class DatasetSpec:
     shard_size: int | None = None
 
     def file_name(self, episode: int) -> str:
-        """`{episode:06d}` and the suffix."""
+        """The name of an episode file: `{episode:06d}` and the suffix."""
         return f"{episode:06d}{self.suffix}"
 
     def covered(self, batch: int) -> tuple[int, int]:

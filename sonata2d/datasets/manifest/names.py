@@ -47,8 +47,8 @@ def shard_number(name: str) -> int | None:
 
 
 def _number(form: re.Pattern[str], name: str) -> int | None:
-    found = form.fullmatch(name)
-    return int(found[1]) if found and found[1] == f"{int(found[1]):06d}" else None
+    match = form.fullmatch(name)
+    return int(match[1]) if match and match[1] == f"{int(match[1]):06d}" else None
 
 
 def shard_name(number: int) -> str:

@@ -1,7 +1,7 @@
 """The episodes of a data set: rows of its manifest, or of the manifests of its shards, read when they are needed.
 
 A folder of episode files is treated as a shard that is not packed. The manifest of the folder lists the rows of the
-episodes as the manifest of a shard does; a data set in shards has a manifest more, which lists the shards.
+episodes as the manifest of a shard does; a data set in shards has one more manifest, which lists the shards.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ def _names_of_shard(folder: Path, shard: JsonDict) -> Sequence[str]:
         names = tuple(extents(folder / shard["name"]))
     except OSError:
         names = ()
-    # the manifest has the names too, or raises the error that explains the difference
+    # else the names in the manifest, or the error of `read_shard` that explains the difference
     return names if len(names) == shard["episodes"] else [row["name"] for row in read_shard(folder, shard)["files"]]
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 from ...core.arguments import whole_number
 from ...core.files import interruption
@@ -31,28 +31,6 @@ _GROWTH = 2  # a task has at most this many times the items of the one before
 
 T = TypeVar("T")
 R = TypeVar("R")
-
-
-class _Backend(Protocol):
-    """Interface of the objects that run tasks."""
-
-    task_seconds: float  # time that a task should take
-
-    @property
-    def count(self) -> int:
-        """Number of tasks that run at a time."""
-
-    def submitting(self, call: Call) -> AbstractContextManager[Callable[[Sequence[Any]], Any]]:
-        """Yields a function that submits a task and returns its future; at the end no task of the call is left."""
-
-    def finished(self, futures: set[Any], timeout: float) -> set[Any]:
-        """The tasks that are finished, after waiting for one."""
-
-    def answer(self, future: Any) -> Answer | None:
-        """The answer of a finished task; None if it was lost and must be submitted again."""
-
-    def close(self) -> None:
-        """Free what the backend has started."""
 
 
 class Workers:
@@ -84,7 +62,7 @@ class Workers:
         self.task_size = task_size if task_size is None else whole_number("task_size", task_size, 1)
         if count is not None:
             whole_number("count", count, 1)
-        self._backend: _Backend
+        self._backend: Processes | _Given
         if callable(getattr(executor, "submit", None)):
             self._backend = _Given(executor, count)
         elif isinstance(executor, float) or not hasattr(executor, "__index__"):
