@@ -80,7 +80,7 @@ def read_everything(path: Path) -> None:
     player = Player(record)
     player.contacts()
     player.advance(0.5)
-    player.between  # noqa: B018
+    player.moment  # noqa: B018
 
 
 def few_ticks(path: Path) -> None:

@@ -238,7 +238,7 @@ def test_policy_is_reconstructed_from_settings_or_refused(tmp_path: Path) -> Non
     assert mine.settings()["weights"] == str(path)
     assert GraphPolicy.from_settings(mine.settings()).settings() == mine.settings()
     weights_file(path, seed=2)
-    with pytest.raises(ControllerError, match=r"mine.npz has other weights now than when .* those of SHA-256"):
+    with pytest.raises(ControllerError, match=r"mine.npz has other weights now than when .* the weights of SHA-256"):
         GraphPolicy.from_settings(mine.settings())
     with pytest.raises(ControllerError, match="graph-policy has other weights now"):
         GraphPolicy.from_settings(stock.settings() | {"sha256": "0" * 64})
