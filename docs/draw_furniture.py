@@ -8,8 +8,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from sonata2d.core.entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, Furniture, Goal, Human, Interaction, Robot
+from sonata2d.core.entities import Furniture, Goal, Human, Interaction, Robot
 from sonata2d.core.geometry import Pose
+from sonata2d.core.relations import AT_LAPTOP, AT_OBJECT, AT_PLANT
 from sonata2d.core.scene import Scene
 from sonata2d.scenegen.scenario.sections import SIZES, shape_of_size
 from sonata2d.view.brush import Brush

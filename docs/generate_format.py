@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from sonata2d.core.humans import ACTIVITIES
+from sonata2d.core.relations import ACTIVITIES
 from sonata2d.datasets import manifest_models
 from sonata2d.datasets.plausibility import MAXIMUM_OVERLAP
 from sonata2d.record import models

@@ -18,14 +18,6 @@ Kinematics = Literal["holonomic", "unicycle"]
 EndsOn = Literal["goal", "time", "contact"]
 Formation = Literal["abreast", "v", "face_to_face", "l", "side_by_side", "circle", "semicircle"]
 
-# Relations of interactions: the four of the original toolkit, and one for any other object.
-TALKING = "two_static_person_talking"
-AT_LAPTOP = "human_laptop_interaction"
-AT_PLANT = "human_plant_interaction"
-WALKING_TOGETHER = "wandering_human_interacting"
-AT_OBJECT = "human_object_interaction"
-RELATIONS = (TALKING, AT_LAPTOP, AT_PLANT, WALKING_TOGETHER, AT_OBJECT)
-
 ROBOT_ID = 0
 ANY_HEADING = 3.14  # rad; a goal whose angle tolerance is at least this accepts every heading
 _HALF_BODY = 0.25  # m, from the side of a door to the centre of a pedestrian
@@ -263,7 +255,7 @@ class Interaction:
 
     Attributes:
         src: id of a pedestrian.
-        relation: one of `RELATIONS`.
+        relation: one of `relations.RELATIONS`.
         dst: id of a pedestrian or an object.
     """
 

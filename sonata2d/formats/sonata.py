@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import orjson
 
-from ..core.entities import AT_LAPTOP, AT_PLANT, RELATIONS
 from ..core.geometry import Disc, Shape
-from ..core.humans import ACTIVITIES
 from ..core.portable_math import Array, IntArray
+from ..core.relations import ACTIVITIES, AT_LAPTOP, AT_PLANT, ORIGINAL_RELATIONS, RELATION, RELATIONS
 from ..core.scene import Scene
 from ..errors import RecordError
 from ..record.canonical import rounded, rounded_rows
@@ -51,7 +50,6 @@ from .parse import load_json, numbers, parsing, table
 NAME = "sonata"
 ADVANCE, ROTATION = 3.5, 4.0  # joystick values at full deflection
 MINIMUM_DURATION = 2.0  # s; readers make no graph of a shorter file, and stop if it is the only one
-ORIGINAL_RELATIONS = RELATIONS[:4]
 _EPOCH = 1_595_000_000.0  # s since 1970, July 2020: nominal start of the original's first episode
 _EPISODE_OFFSET = 3600.0  # s between the nominal starts of episodes
 _PERIOD = 0.1  # s; the original saved a frame when more time than this had passed
@@ -248,7 +246,6 @@ _MISSING = (
     "goal.distance", "goal.angle",
 )  # fmt: skip
 _DERIVED = ("frames.robot", "frames.humans", "frames.activity", "room.polygon")
-_ACTIVITY_OF = {RELATIONS[0]: "talking", AT_LAPTOP: "using", AT_PLANT: "looking", RELATIONS[3]: "walking together"}
 
 
 def import_(path: Path, options: Options) -> Iterator[JsonDict]:
@@ -391,7 +388,7 @@ def _activity(humans: Array, ids: list[int], interactions: list[list[list[Any]]]
     activity = activity_of(humans[..., VELOCITY])
     for t, rows in enumerate(interactions):
         for src, relation, dst in rows:
-            index = ACTIVITIES.index(_ACTIVITY_OF.get(relation, "looking"))
+            index = ACTIVITIES.index(RELATION[relation].activity)
             for id in {src, dst} & set(ids):
                 activity[t, ids.index(id)] = index
     return activity

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from ..core.compiled.kernel import kernel, subroutine
 from ..core.compiled.packing import Floats, Floats2, Ints, Packed, unpack
 from ..core.compiled.scalar import clipped, length, to_line
-from ..core.entities import RELATIONS, Furniture, Interaction
+from ..core.entities import Furniture, Interaction
 from ..core.geometry import Disc
-from ..core.humans import ACTIVITIES, BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, X, Y
+from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, X, Y
 from ..core.portable_math import Array, BoolArray, IntArray
+from ..core.relations import ACTIVITIES, RELATIONS
 from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import orjson
 
-from ..core.entities import RELATIONS, ROBOT_ID
-from ..core.humans import ACTIVITIES
+from ..core.entities import ROBOT_ID
 from ..core.labels import LabelSpec
+from ..core.relations import ACTIVITIES, RELATIONS
 from ..core.scene import Scene
 from ..core.wording import shown
 from ..errors import InvalidFileError, RecordError

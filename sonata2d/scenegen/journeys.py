@@ -8,11 +8,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..core.entities import WALKING_TOGETHER, Door, Group, Human, Interaction, Place, Queue
+from ..core.entities import Door, Group, Human, Interaction, Place, Queue
 from ..core.geometry import Disc, Point, Pose, Rectangle, canonical_angle, inside_polygon, quantised
 from ..core.navigation import FreeSpace
 from ..core.outlines import COLUMNS, outline_row
 from ..core.portable_math import PI, angle_of
+from ..core.relations import WALKING_TOGETHER
 from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..core.vectors import length

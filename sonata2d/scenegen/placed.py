@@ -8,12 +8,13 @@ from itertools import combinations
 
 import numpy as np
 
-from ..core.entities import TALKING, WALKING_TOGETHER, Furniture, Group, Human, Interaction
+from ..core.entities import Furniture, Group, Human, Interaction
 from ..core.files.limits import MAX_TRACK_POINTS
 from ..core.geometry import Disc, Point, Pose, canonical_angle, inside_polygon, quantised
 from ..core.navigation import FreeSpace
 from ..core.outlines import outline_row, shape_gap
 from ..core.portable_math import PI, Array, angle_of
+from ..core.relations import TALKING, WALKING_TOGETHER
 from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..errors import SceneError

@@ -6,25 +6,22 @@ from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any, Literal
+from typing import Any
 
-from ..core.entities import (
-    AT_LAPTOP,
-    AT_OBJECT,
-    AT_PLANT,
-    TALKING,
-    WALKING_TOGETHER,
-    Behaviour,
-    Formation,
-    Furniture,
-    Group,
-    Human,
-    Interaction,
-    Reaction,
-)
+from ..core.entities import Behaviour, Formation, Furniture, Group, Human, Interaction, Reaction
 from ..core.geometry import Disc, Point, Pose, Shape, quantised
 from ..core.outlines import shape_gap
 from ..core.portable_math import PI, unit_vector
+from ..core.relations import (
+    AT_LAPTOP,
+    AT_OBJECT,
+    AT_PLANT,
+    ORIGINAL_RELATIONS,
+    RELATION,
+    TALKING,
+    WALKING_TOGETHER,
+    Relation,
+)
 from ..core.rng import RandomStream
 from .scenario.base import Range
 from .scenario.config import ScenarioConfig
@@ -105,39 +102,10 @@ Entity = Human | Furniture
 
 _ORIGIN = Pose(0.0, 0.0)
 _ANY_YAW = Range(-PI, PI)
-_RELATION_ORDER = (TALKING, AT_LAPTOP, AT_PLANT, WALKING_TOGETHER)  # the original SONATA tries them in this order
+_PAIRS_FIRST = sorted(RELATION.values(), key=lambda relation: -relation.humans)
+_OBJECT_TYPES = {AT_LAPTOP: ("table",), AT_PLANT: ("plant",), AT_OBJECT: ("shelf", "tv")}
 _COUNT_SETTINGS = {"table": "tables", "plant": "plants", "chair": "chairs", "shelf": "shelves", "tv": "tvs"}
 _RELATION_OF_TYPE = {"laptop": AT_LAPTOP, "plant": AT_PLANT, "table": "", "chair": ""}  # other types: AT_OBJECT
-
-
-@dataclass(frozen=True, slots=True)
-class _Relation:
-    """Properties of a relation.
-
-    Attributes:
-        name: for messages; recorded in `Scene.dropped`.
-        setting: key of `ScenarioConfig` with the number of such relations.
-        behaviour: of the pedestrians.
-        humans: number of pedestrians.
-        object_types: types of furniture that the pedestrian may attend to; empty for relations between pedestrians.
-        distance: key of `ScenarioConfig` with the distance to the object.
-    """
-
-    name: str
-    setting: str
-    behaviour: Behaviour
-    humans: int
-    object_types: tuple[str, ...] = ()
-    distance: str = ""
-
-
-_RELATIONS = {
-    TALKING: _Relation("talking pair", "talking_pairs", "standing", 2),
-    WALKING_TOGETHER: _Relation("walking pair", "walking_pairs", "wandering", 2),
-    AT_LAPTOP: _Relation("person at a laptop", "at_laptop", "standing", 1, ("table",), "laptop_distance"),
-    AT_PLANT: _Relation("person at a plant", "at_plant", "standing", 1, ("plant",), "plant_distance"),
-    AT_OBJECT: _Relation("person at an object", "at_object", "standing", 1, ("shelf", "tv"), "object_distance"),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,14 +167,14 @@ def sample_entities(config: ScenarioConfig, rng: RandomStream) -> list[EntityClu
     """Sample pedestrians and drawn furniture, as clusters: those in relations first, then single entities."""
     sampler = _Sampler(config, rng)
     # the counts are drawn before any cluster is: the order of draws is part of what a seed means
-    counts = {name: getattr(config, relation.setting).draw(rng) for name, relation in _RELATIONS.items()}
+    counts = {relation.name: getattr(config, relation.setting).draw(rng) for relation in _PAIRS_FIRST}
     for name, count in counts.items():
         for _ in range(count):
             sampler.add_relation(name)
     sampler.add_groups()
     for _ in range(config.relations.draw(rng)):
-        first = rng.integer(0, len(_RELATION_ORDER) - 1)
-        sampler.add_first_possible(_RELATION_ORDER[first:] + _RELATION_ORDER[:first])
+        first = rng.integer(0, len(ORIGINAL_RELATIONS) - 1)
+        sampler.add_first_possible(ORIGINAL_RELATIONS[first:] + ORIGINAL_RELATIONS[:first])
     sampler.add_single_entities()
     return sampler.clusters
 
@@ -226,7 +194,7 @@ class _Sampler:
         standing, wandering = _draw_human_counts(config, rng)
         furniture = {type_: getattr(config, setting).draw(rng) for type_, setting in _COUNT_SETTINGS.items()}
         self.free = Counter({"standing": standing, "wandering": wandering, **furniture})
-        self.free_fixed: dict[str, list[int]] = {relation: [] for relation in ("", *_RELATIONS)}
+        self.free_fixed: dict[str, list[int]] = {relation: [] for relation in ("", *RELATION)}
         for k in rng.shuffled(range(len(config.furniture))):
             if config.furniture[k].attracts:
                 self.free_fixed[_RELATION_OF_TYPE.get(config.furniture[k].type, AT_OBJECT)].append(k)
@@ -263,7 +231,7 @@ class _Sampler:
     def add_first_possible(self, relations: tuple[str, ...]) -> None:
         """Put free pedestrians into the first relation for which enough pedestrians and an object are free."""
         for name in relations:
-            relation = _RELATIONS[name]
+            relation = RELATION[name]
             if self.free[relation.behaviour] >= relation.humans and self._is_object_free(name):
                 self.free[relation.behaviour] -= relation.humans
                 self.add_relation(name)
@@ -280,38 +248,39 @@ class _Sampler:
 
     def _is_object_free(self, relation: str) -> bool:
         """Return whether the relation needs no object, or one is free."""
-        types = _RELATIONS[relation].object_types
+        types = _OBJECT_TYPES.get(relation, ())
         if not types or self.free_fixed[relation]:
             return True
         return any(self.free[type_] for type_ in types) and (relation != AT_LAPTOP or self.config.laptops_on_tables)
 
     def _add_pair(self, name: str, second_pose: Pose) -> None:
-        relation = _RELATIONS[name]
+        relation = RELATION[name]
         members = (self._draw_human(relation.behaviour, _ORIGIN), self._draw_human(relation.behaviour, second_pose))
-        self.clusters.append(EntityCluster(relation.name, members, _ANY_YAW, name))
+        self.clusters.append(EntityCluster(relation.title, members, _ANY_YAW, name))
 
     def _add_group(self, name: str, relation: str, layout: GroupLayout, position: Point | None) -> None:
-        members = tuple(self._draw_human(_RELATIONS[relation].behaviour, pose) for pose in layout.poses)
+        members = tuple(self._draw_human(RELATION[relation].behaviour, pose) for pose in layout.poses)
         formation, o_space = layout.formation, layout.o_space
         self.clusters.append(
             EntityCluster(name, members, _ANY_YAW, relation, formation=formation, o_space=o_space, position=position)
         )
 
     def _add_at_fixed_furniture(self, name: str, fixed: int) -> None:
-        relation = _RELATIONS[name]
+        relation = RELATION[name]
         members = (self._draw_human(relation.behaviour, _ORIGIN),)
         distance = getattr(self.config, relation.distance)
-        self.clusters.append(EntityCluster(relation.name, members, _ANY_YAW, name, fixed, distance))
+        self.clusters.append(EntityCluster(relation.title, members, _ANY_YAW, name, fixed, distance))
 
     def _add_at_drawn_furniture(self, name: str) -> None:
         """Use a free piece of furniture of a suitable type, or add one where none is free."""
-        relation = _RELATIONS[name]
-        type_ = next((type_ for type_ in relation.object_types if self.free[type_]), relation.object_types[0])
+        relation = RELATION[name]
+        types = _OBJECT_TYPES[name]
+        type_ = next((type_ for type_ in types if self.free[type_]), types[0])
         self.free[type_] -= min(self.free[type_], 1)
         distance = getattr(self.config, relation.distance).draw(self.rng)
         human = self._draw_human(relation.behaviour, Pose(0.0, -distance, PI / 2))
         furniture = self._furniture(type_, 1, with_laptop=name == AT_LAPTOP)
-        self.clusters.append(EntityCluster(relation.name, (human, *furniture), self.config.furniture_yaw, name))
+        self.clusters.append(EntityCluster(relation.title, (human, *furniture), self.config.furniture_yaw, name))
 
     def _furniture(self, type_: str, index: int, with_laptop: bool = False) -> tuple[Furniture, ...]:
         """Create a piece of furniture, which is the member `index` of its cluster, and the laptop on a table."""
@@ -362,7 +331,6 @@ Key = tuple[int, int]  # index of a cluster and of a member in it; for fixed fur
 
 _FIXED = -1
 _TYPE_ORDER = ("table", "laptop", "plant")
-_GROUP_KINDS: dict[str | None, Literal["talking", "walking"]] = {TALKING: "talking", WALKING_TOGETHER: "walking"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -418,9 +386,9 @@ def number_entities(
     """
     keys = [*humans, *furniture]
     ids = dict(zip(keys, free_ids(taken, len(keys)), strict=True))
-    related = [(k, cluster) for k, (cluster, _) in enumerate(placed) if cluster.relation]
-    groups = [(k, cluster) for k, cluster in related if cluster.relation in _GROUP_KINDS]
-    group_ids = dict(zip((k for k, _ in groups), free_ids(taken_groups, len(groups)), strict=True))
+    related = [(k, cluster, RELATION[cluster.relation]) for k, (cluster, _) in enumerate(placed) if cluster.relation]
+    groups = [(k, cluster, relation.group) for k, cluster, relation in related if relation.group]
+    group_ids = dict(zip((k for k, *_ in groups), free_ids(taken_groups, len(groups)), strict=True))
     return NumberedEntities(
         tuple(
             manners.given_to(human, id=ids[key], pose=pose, group=group_ids.get(key[0]))
@@ -433,16 +401,16 @@ def number_entities(
         tuple(
             Group(
                 group_ids[k],
-                _GROUP_KINDS[cluster.relation],
+                kind,
                 tuple(ids[key] for key in _member_keys(k, cluster)),
                 cluster.formation,
             )
-            for k, cluster in groups
+            for k, cluster, kind in groups
         ),
         tuple(
-            Interaction(ids[a], cluster.relation or "", ids[b])
-            for k, cluster in related
-            for a, b in _interacting_keys(k, cluster)
+            Interaction(ids[a], relation.name, ids[b])
+            for k, cluster, relation in related
+            for a, b in _interacting_keys(k, cluster, relation)
         ),
     )
 
@@ -465,9 +433,9 @@ def _member_keys(k: int, cluster: EntityCluster) -> list[Key]:
     return [(k, m) for m in range(len(cluster.members))]
 
 
-def _interacting_keys(k: int, cluster: EntityCluster) -> list[tuple[Key, Key]]:
+def _interacting_keys(k: int, cluster: EntityCluster, relation: Relation) -> list[tuple[Key, Key]]:
     """Return the pairs of a relation: all pairs of a group; else the first member with the last or the fixed piece."""
-    if cluster.relation in _GROUP_KINDS:
+    if relation.group:
         return list(combinations(_member_keys(k, cluster), 2))
     return [((k, 0), (k, len(cluster.members) - 1) if cluster.fixed is None else (_FIXED, cluster.fixed))]
 

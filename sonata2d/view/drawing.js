@@ -187,7 +187,7 @@ export class SceneDrawing {
         this.fill(tones.outline); this.body(human.radius - .022, shoulder); this.fill(isPlain ? tones.plain : tones.body);
       }
       if (isPlain) return;
-      this.drawLimbs(activity, size, tones, Math.sin(Math.PI * time / .75 + human.id));
+      this.drawLimbs(this.scene.poses[activity], size, tones, Math.sin(Math.PI * time / .75 + human.id));
       this.round(.46 * size, .9 * (human.radius + shoulder)); this.fill(tones.dark);
       this.round(.46 * size - .022, .9 * (human.radius + shoulder) - .022); this.fill(tones.fill);
     });
@@ -200,21 +200,12 @@ export class SceneDrawing {
     });
   }
 
-  drawLimbs(activity, r, {feet, sleeve}, swing) {
-    if (activity.startsWith("walking")) for (const side of [-1, 1]) {
-      this.round(.36 * r, .17 * r, side * swing * .5 * r, side * .38 * r); this.fill(feet);
-    } else if (activity === "talking") {
-      this.path([.1 * r, -.78 * r], [.62 * r, -.62 * r], [.8 * r, -.28 * r]); this.line(sleeve, .22 * r);
-    } else if (activity === "using") for (const side of [-1, 1]) {
-      this.path([.1 * r, side * .78 * r], [.5 * r, side * .7 * r], [.85 * r, side * .25 * r]); this.line(sleeve, .2 * r);
-    } else if (activity === "sitting") for (const side of [-1, 1]) {
-      this.round(.42 * r, .2 * r, 1.75 * r, side * .42 * r); this.fill(feet);
-      this.path([.2 * r, side * .42 * r], [1.5 * r, side * .42 * r]); this.line(sleeve, .46 * r);
-    } else if (activity === "queueing") {
-      this.path([0, .78 * r], [.5 * r, .4 * r], [.5 * r, -.4 * r], [0, -.78 * r]); this.line(sleeve, .24 * r);
-    } else if (activity === "looking") {
-      this.path([0, .75 * r], [-.6 * r, .35 * r], [-.6 * r, -.35 * r], [0, -.75 * r]); this.line(sleeve, .22 * r);
+  drawLimbs({foot, stride, limbs, width}, r, {feet, sleeve}, swing) {
+    if (foot) for (const side of [-1, 1]) {
+      const [x, y, a, b] = foot;
+      this.round(a * r, b * r, (x + side * swing * stride) * r, side * y * r); this.fill(feet);
     }
+    for (const line of limbs) { this.path(...line.map(([x, y]) => [x * r, y * r])); this.line(sleeve, width * r); }
   }
 
   /** The field of view, which ends at walls. */

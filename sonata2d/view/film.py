@@ -16,6 +16,7 @@ import pygame
 from ..core.files.locations import location
 from ..core.files.whole_file import whole_file
 from ..core.notebook import Advance, ProgressBar
+from ..core.relations import ACTIVITY
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..errors import RenderError
@@ -23,7 +24,7 @@ from .camera import DEFAULT_SIDE
 from .draw import Layers
 from .interpolation import between
 from .legend import Legend
-from .palette import ACTIVITY, FLOOR, GOAL, GRID, INK, PAPER, PATHS, ROBOT, WALL, mixed, time_colour
+from .palette import FLOOR, GOAL, GRID, INK, PAPER, PATHS, ROBOT, WALL, mixed, time_colour
 from .sequence import PictureSequence
 from .trails import Trails, human_tones
 
@@ -236,10 +237,11 @@ def _write_gif(path: Path, shown: Iterable[pygame.Surface], fps: float) -> None:
 
 def _gif_palette(image: Any, first: Any) -> Any:
     """An image that holds the film's 256 colours: the palette's, which may appear later, and the first picture's."""
-    pale = [mixed(FLOOR, colour, 0.28) for colour in ACTIVITY.values()]
+    people = [activity.colour for activity in ACTIVITY.values()]
+    pale = [mixed(FLOOR, colour, 0.28) for colour in people]
     ramp = [time_colour(k / 15) for k in range(16)]
     paths = [tone for k in range(len(PATHS)) for tone in human_tones(k)[::3]]
-    own = [FLOOR, PAPER, GRID, WALL, INK, ROBOT, GOAL, *ACTIVITY.values(), *pale, *ramp, *paths]
+    own = [FLOOR, PAPER, GRID, WALL, INK, ROBOT, GOAL, *people, *pale, *ramp, *paths]
     flat = first.quantize(256 - len(own), dither=image.Dither.NONE).getpalette()[: 3 * (256 - len(own))]
     candidates = [flat[k : k + 3] for k in range(0, len(flat) - 2, 3)]
     others = [other for other in candidates if all(_is_distinct(other, colour) for colour in own)]

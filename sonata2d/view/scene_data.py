@@ -10,8 +10,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from ..core.humans import ACTIVITIES
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, obstacle_clearance, touched_kind
+from ..core.relations import ACTIVITIES, ACTIVITY
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from .brush import Brush
@@ -20,8 +20,8 @@ from .draw import Layers, camera_for
 from .furniture import draw_furniture, half_size
 from .landmarks import draw_landmarks
 from .layers import visible_interactions
-from .legend import Legend, english, name_of
-from .palette import ACTIVITY, BLUE, DARK, FAINT, FLOOR, GOAL, HAIR, INK, PAPER, ROBOT, hex_colour, mixed, shaded
+from .legend import Legend
+from .palette import BLUE, DARK, FAINT, FLOOR, GOAL, HAIR, INK, PAPER, ROBOT, Colour, hex_colour, mixed, shaded
 from .room import FloorPlan, draw_room
 from .svg import SvgCanvas
 from .trails import human_tones
@@ -40,8 +40,10 @@ _ROOM_SCALE = (
     100.0  # px/m of the drawing of the room, whose lines then have two decimals; browsers draw it at any scale
 )
 
-_TONES = {
-    name: {
+
+def _tones(colour: Colour) -> dict[str, Colour]:
+    """The tones in which the body of a person is drawn."""
+    return {
         "fill": colour,
         "dark": shaded(colour),
         "outline": shaded(colour, 0.25),
@@ -50,8 +52,8 @@ _TONES = {
         "feet": shaded(colour, 0.6),
         "sleeve": mixed(shaded(colour), colour, 0.5),
     }
-    for name, colour in ACTIVITY.items()
-}
+
+
 _COLOURS = {
     "robot": ROBOT,
     "robotEdge": shaded(ROBOT),
@@ -103,8 +105,15 @@ def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # no
             for f in sorted(scene.furniture, key=lambda f: f.on is None)  # the pointer finds a laptop before its table
         ],
         "activities": ACTIVITIES,
-        "activityTexts": {name: english(name_of(name)) for name in ACTIVITIES},
-        "tones": {name: {key: hex_colour(c) for key, c in tones.items()} for name, tones in _TONES.items()},
+        "activityTexts": {name: activity.text for name, activity in ACTIVITY.items()},
+        "tones": {
+            name: {key: hex_colour(tone) for key, tone in _tones(activity.colour).items()}
+            for name, activity in ACTIVITY.items()
+        },
+        "poses": {
+            name: {key: getattr(activity, key) for key in ("foot", "stride", "limbs", "width")}
+            for name, activity in ACTIVITY.items()
+        },
         "colours": {name: hex_colour(colour) for name, colour in _COLOURS.items()},
         "zones": (INTIMATE_DISTANCE, PERSONAL_DISTANCE),
     }

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.core.entities import RELATIONS
 from sonata2d.core.geometry import Disc
-from sonata2d.core.humans import ACTIVITIES
 from sonata2d.core.portable_math import Array
+from sonata2d.core.relations import ACTIVITIES, RELATIONS
 from sonata2d.gym.observation import OBJECT_TYPES, Encoder, Observation, Sizes, observation_space
 
 

@@ -9,8 +9,9 @@ from itertools import combinations, pairwise
 import numpy as np
 import pytest
 
-from sonata2d.core.entities import TALKING, WALKING_TOGETHER, Group, Human
+from sonata2d.core.entities import Group, Human
 from sonata2d.core.geometry import Pose
+from sonata2d.core.relations import TALKING, WALKING_TOGETHER
 from sonata2d.core.scene import Scene
 from sonata2d.core.vectors import wrap_angle
 from sonata2d.errors import ConfigError

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ....core.entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, Furniture, Interaction
+from ....core.entities import Furniture, Interaction
 from ....core.geometry import Disc, Point, Rectangle, as_point
 from ....core.portable_math import Array
+from ....core.relations import AT_LAPTOP, AT_OBJECT, AT_PLANT
 from ....core.rng import AgentStreams
 from ....core.scene import Scene
 from ....core.vectors import length
