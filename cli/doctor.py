@@ -113,6 +113,7 @@ def _plugins() -> dict[str, Finding]:
         (registry.FORMATS, format_named),
         (registry.METRICS, _load_metric),
         (registry.ROOM_KINDS, load_room_kind),
+        (registry.FURNITURE_TYPES, registry.furniture_type),
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PluginWarning)  # the findings say the same

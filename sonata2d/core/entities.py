@@ -40,7 +40,7 @@ class Furniture:
 
     Attributes:
         on: id of the object that carries this one; a carried object has no physical body. None: it is on the floor.
-        seat: whether one pedestrian can sit on it, above its centre and facing its front; None: if it is a chair.
+        seat: whether one pedestrian can sit on it, above its centre and facing its front; None: see `is_seat_by_type`.
     """
 
     id: int
@@ -60,7 +60,7 @@ class Furniture:
     @property
     def is_seat(self) -> bool:
         """Whether pedestrians can sit on it; nothing that another object carries is a seat."""
-        return self.on is None and (self.type == "chair" if self.seat is None else self.seat)
+        return self.on is None and is_seat_by_type(self.type, self.seat)
 
     def approaches(self, clearance: float) -> list[Point]:
         """Where a pedestrian can stand before it sits down, m: in front of the object, to its left, to its right.
@@ -72,6 +72,11 @@ class Furniture:
         half = (shape.radius, shape.radius) if isinstance(shape, Disc) else (shape.length / 2, shape.width / 2)
         ahead, aside = min(half) + clearance, max(half) + clearance
         return [(x + fx * ahead, y + fy * ahead), (x - fy * aside, y + fx * aside), (x + fy * aside, y - fx * aside)]
+
+
+def is_seat_by_type(type: str, seat: bool | None) -> bool:
+    """Whether an object is a seat: as `seat` says; if it is None, as files have it, chairs are the only seats."""
+    return type == "chair" if seat is None else seat
 
 
 @dataclass(frozen=True, slots=True)

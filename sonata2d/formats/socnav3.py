@@ -19,6 +19,7 @@ from ..errors import RecordError, UnsuitableEpisode
 from ..record.canonical import require_finite, rounded, rounded_rows
 from ..record.layout import HUMAN_ANGLES, HUMAN_NAMES, ROBOT_ANGLES, ROBOT_NAMES, JsonDict
 from ..record.record import EpisodeRecord
+from ..registry import furniture_type
 from .base import (
     Format,
     Options,
@@ -46,7 +47,6 @@ from .parse import load_json, numbers, parsing, table
 NAME = "socnav3"
 EXTRAS = "sonata2d"  # key of what the format has no place for: per step, and once per file
 TYPES = ("chair", "table", "plant", "tv", "shelf", "floor_lamp")
-BODILESS = "laptop"  # the only other type that may be left out: nothing collides with it
 ANY_TYPE = "*"  # key of `Options.types` for all types of solid objects that have no key of their own
 # The loader of the format requires a context that is a row of its table; this row states as little as possible.
 DEFAULT_CONTEXT = "A robot is performing routine tasks in a home."
@@ -101,8 +101,13 @@ def _written_type(thing: Furniture, options: Options) -> str | None:
     """The type under which an object is written; None: it is not written."""
     if thing.type in TYPES:
         return thing.type
-    is_solid = thing.type != BODILESS and thing.on is None
-    return options.types.get(thing.type, options.types.get(ANY_TYPE) if is_solid else None)
+    name = options.types.get(thing.type) or furniture_type(thing.type).names.get(NAME)
+    return name or (options.types.get(ANY_TYPE) if _must_be_written(thing) else None)
+
+
+def _must_be_written(thing: Furniture) -> bool:
+    """Whether readers would take the place of an object for free; nothing collides with a laptop, on a table or not."""
+    return thing.on is None and furniture_type(thing.type).on is None
 
 
 def _check_exportable(record: EpisodeRecord, options: Options) -> None:
@@ -123,7 +128,7 @@ def _check_exportable(record: EpisodeRecord, options: Options) -> None:
     present_rows = np.where(states.present[..., None], states.humans, 0.0)
     require_finite(present_rows, HUMAN_NAMES, "human", [human.id for human in record.scene().humans])
     for thing in record.scene().furniture:
-        if _written_type(thing, options) is None and thing.type != BODILESS and thing.on is None:
+        if _written_type(thing, options) is None and _must_be_written(thing):
             raise UnsuitableEpisode(
                 record.path,
                 f"object {thing.id} is of type {thing.type!r}, but {NAME} only has {', '.join(TYPES)}; without the"

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import orjson
 
+from ..core.furniture_types import LAPTOP, PLANT
 from ..core.geometry import Disc, Shape
 from ..core.portable_math import Array, IntArray
-from ..core.relations import ACTIVITIES, AT_LAPTOP, AT_PLANT, ORIGINAL_RELATIONS, RELATION, RELATIONS
+from ..core.relations import ACTIVITIES, AT_LAPTOP, ORIGINAL_RELATIONS, RELATION, RELATIONS
 from ..core.scene import Scene
 from ..errors import RecordError
 from ..record.canonical import rounded, rounded_rows
@@ -246,6 +247,7 @@ _MISSING = (
     "goal.distance", "goal.angle",
 )  # fmt: skip
 _DERIVED = ("frames.robot", "frames.humans", "frames.activity", "room.polygon")
+_TYPE_OF = {kind.relation: kind.on or kind.name for kind in (LAPTOP, PLANT)}  # a laptop stands for its table
 
 
 def import_(path: Path, options: Options) -> Iterator[JsonDict]:
@@ -396,8 +398,7 @@ def _activity(humans: Array, ids: list[int], interactions: list[list[list[Any]]]
 
 def _objects(frame: JsonDict, ids: list[int], poses: Array) -> list[JsonDict]:
     """The objects at their first poses; their types follow from the interactions with them."""
-    types = {row["dst"]: "plant" for row in frame["interaction"] if row["relation"] == AT_PLANT}
-    types |= {row["dst"]: "table" for row in frame["interaction"] if row["relation"] == AT_LAPTOP}
+    types = {row["dst"]: _TYPE_OF[row["relation"]] for row in frame["interaction"] if row["relation"] in _TYPE_OF}
     by_id = {thing["id"]: thing for thing in frame["objects"]}
     sizes = rounded(numbers([by_id[id] for id in ids], ("size_x", "size_y"), "objects")).tolist()
     placed = rounded_rows(poses, [THETA]).tolist()

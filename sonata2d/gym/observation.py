@@ -14,6 +14,7 @@ from ..core.compiled.kernel import kernel, subroutine
 from ..core.compiled.packing import Floats, Floats2, Ints, Packed, unpack
 from ..core.compiled.scalar import clipped, length, to_line
 from ..core.entities import Furniture, Interaction
+from ..core.furniture_types import OBJECT_TYPES
 from ..core.geometry import Disc
 from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, X, Y
 from ..core.portable_math import Array, BoolArray, IntArray
@@ -22,16 +23,16 @@ from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..core.state import HUMAN_SIZE, ROBOT_SIZE
+from ..registry import furniture_type
 from ..scenegen.floor_plans import draw_floor_plan
 from ..scenegen.scenario.config import ScenarioConfig
-from ..scenegen.scenario.sections import SIZES, RoomConfig
+from ..scenegen.scenario.sections import RoomConfig
 
 Floats32 = NDArray[np.float32]
 Observation = dict[str, NDArray[Any]]
 Order = Literal["nearest", "scene"]
 
 FARTHEST, FASTEST, FASTEST_TURN = 100.0, 20.0, 20.0  # m, m/s, rad/s: bounds of the spaces, to which values are clipped
-OBJECT_TYPES = (*SIZES, "other")
 _VISITORS = 10  # additional rows of pedestrians in scenarios with doors through which pedestrians enter
 _SAMPLES = 16  # floor plans of each kind of room that are drawn to count the walls of a scenario
 
@@ -83,8 +84,8 @@ class Sizes:
         humans = sum(count.max for count in drawn if count is not None) + 2 * pairs + _members(config)
         humans += attending + config.seated.max + len(config.people) + sum(queue.waiting.max for queue in config.queues)
         humans += _VISITORS if any(door.inflow > 0.0 for door in config.doors) else 0
-        tables = config.tables.max * (2 if config.laptops_on_tables else 1)
-        objects = tables + config.plants.max + config.chairs.max + config.shelves.max + config.tvs.max
+        laptops = config.tables.max if config.laptops_on_tables else 0
+        objects = sum(count.max for count in config.counts.values()) + laptops
         objects += 2 * attending + len(config.furniture)  # a laptop comes with a table
         group = config.groups.talking_size.max
         together = (
@@ -159,7 +160,7 @@ class _Fixed(NamedTuple):
     Attributes:
         bodies: (N, 2), radius and half the shoulder line of each pedestrian, m.
         objects: (M, 7), columns of `OBJECT`, world frame.
-        object_types: (M,), into `OBJECT_TYPES`.
+        object_types: (M,), into `furniture_types.OBJECT_TYPES`.
         walls: (K, 4), columns of `WALL`, world frame.
         begin: (12,), where each part begins, see `_PARTS`, among the floats or the integers.
         rows: (4,), numbers of rows as in `Sizes`.
@@ -211,7 +212,7 @@ class Encoder:
         goal = scene.goal
         ends = [(*wall.start, *wall.end) for wall in scene.walls]
         rows = [_object_row(piece) for piece in objects]
-        types = [OBJECT_TYPES.index(piece.type) if piece.type in SIZES else len(SIZES) for piece in objects]
+        types = [furniture_type(piece.type).number for piece in objects]
         bodies = [(human.radius, human.shoulder) for human in scene.humans]
         heading = (math.cos(goal.theta), math.sin(goal.theta))
         self._fixed = Packed(

@@ -19,11 +19,12 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.wrappers import NormalizeObservation
 from numpy.typing import NDArray
 
+from ..core.furniture_types import OBJECT_TYPES
 from ..core.portable_math import PI, unit_vectors
 from ..core.relations import ACTIVITIES, RELATIONS
 from ..registry import did_you_mean
 from .env import SocialNavEnv, base_of, wrappers_of
-from .observation import FARTHEST, GOAL, HUMAN, OBJECT, OBJECT_TYPES, ROBOT, WALL, Floats32, Observation
+from .observation import FARTHEST, GOAL, HUMAN, OBJECT, ROBOT, WALL, Floats32, Observation
 from .sensing import measure_ranges, visible
 
 Env = gymnasium.Env[Any, Any]

@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
 
 from ..core.entities import Behaviour, EndsOn, Formation, Kinematics, Reaction
 from ..core.files.limits import MAX_COUNT, MAX_ID, MAX_SUBSTEPS
+from ..core.furniture_types import BUILT_IN
 from ..core.geometry import MAX_MAGNITUDE
 from ..core.snapshot import Status
 from ..version import FORMAT, FORMAT_VERSION
@@ -96,7 +97,7 @@ class Object(Placed):
     """A static object, such as a piece of furniture."""
 
     id: Id
-    type: str = Field(description="table, laptop, plant, chair, shelf, tv, …")
+    type: str = Field(description=", ".join([*(kind.name for kind in BUILT_IN), "…"]))
     shape: Annotated[DiscShape | RectangleShape, Field(discriminator="type")] = Field(description="the solid outline")
     on: Id | None = Field(description="id of the object that it lies on; then it has no solid outline of its own")
     seat: bool | None = Field(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import orjson
 
-from ..core.entities import ROBOT_ID
+from ..core.entities import ROBOT_ID, is_seat_by_type
 from ..core.labels import LabelSpec
 from ..core.relations import ACTIVITIES, RELATIONS
 from ..core.scene import Scene
@@ -135,7 +135,8 @@ def _journey_findings(document: JsonDict) -> Iterator[Finding]:
     Args:
         document: files of earlier versions have no doors, queues, places and seats.
     """
-    seat_ids = {thing["id"] for thing in document["objects"] if thing["on"] is None and _is_seat(thing)}
+    things = (thing for thing in document["objects"] if thing["on"] is None)
+    seat_ids = {thing["id"] for thing in things if is_seat_by_type(thing["type"], thing.get("seat"))}
     for kind in ("doors", "queues", "places"):
         for id, count in Counter(item["id"] for item in document.get(kind, ())).items():
             if count > 1:
@@ -155,12 +156,6 @@ def _journey_findings(document: JsonDict) -> Iterator[Finding]:
     for seat, count in seats.items():
         if count > 1:
             yield "humans", f"{count} people sit on object {seat}"
-
-
-def _is_seat(thing: JsonDict) -> bool:
-    """Whether pedestrians can sit on an object, see `Furniture.is_seat`."""
-    seat = thing.get("seat")
-    return bool(thing["type"] == "chair" if seat is None else seat)
 
 
 def _activity_findings(names: list[str]) -> Iterator[Finding]:

@@ -16,7 +16,10 @@ from ..core.rng import RandomStream
 from ..core.scene import Rules, Scene, standing_throughout
 from ..errors import SceneError
 from .floor_plans import FloorPlan, draw_floor_plan
+from .human_sampling import ReactionSampler
 from .journeys import Journeys, plan_journeys, with_visitors
+from .numbering import number_entities, ordered_entities
+from .pieces import fixed_furniture
 from .placed import (
     apply_jitter,
     check_goals,
@@ -27,15 +30,7 @@ from .placed import (
 )
 from .placement import Layout, cluster_radius
 from .robot_task import draw_robot_task, reserved_outlines
-from .sampling import (
-    EntityCluster,
-    Manners,
-    fixed_furniture,
-    number_entities,
-    ordered_entities,
-    sample_entities,
-    shape_of,
-)
+from .sampling import EntityCluster, sample_entities, shape_of
 from .scenario.config import ScenarioConfig
 from .scenario.load import scenario_of
 
@@ -76,15 +71,15 @@ def generate(config: str | Path | ScenarioConfig, seed: int = 0, episode: int = 
     own_rng = RandomStream(seed, episode, "journeys")  # so that scenes without journeys stay the same
     journeys = plan_journeys(given, plan, reserved_outlines(given) + furniture, own_rng)
     clusters = sample_entities(given, rng)
-    manners = Manners(config.person, seed, episode)
+    reactions = ReactionSampler(config.person, seed, episode)
     scene = None
     for _ in range(config.max_layouts - 1):
         with suppress(SceneError):
-            scene = _try_layout(given, plan, fixed, clusters, journeys, manners, rng)
+            scene = _try_layout(given, plan, fixed, clusters, journeys, reactions, rng)
             break
     if scene is None:
-        scene = _try_layout(given, plan, fixed, clusters, journeys, manners, rng)  # the last error is raised
-    scene = with_visitors(scene, given, journeys, manners, own_rng)
+        scene = _try_layout(given, plan, fixed, clusters, journeys, reactions, rng)  # the last error is raised
+    scene = with_visitors(scene, given, journeys, reactions, own_rng)
     return replace(scene, seed=seed, episode=episode, settings=config.settings())
 
 
@@ -101,7 +96,7 @@ def _try_layout(
     fixed: tuple[Furniture, ...],
     clusters: list[EntityCluster],
     journeys: Journeys,
-    manners: Manners,
+    reactions: ReactionSampler,
     rng: RandomStream,
 ) -> Scene:
     """Draw poses once for everything: given pedestrians, then clusters, then the robot and its goal.
@@ -131,7 +126,7 @@ def _try_layout(
     robot, goal = draw_robot_task(config, layout, obstacles, rng)
     # The given pedestrians are the first ones; drawn entities get the ids that these leave free.
     taken, taken_groups = {human.id for human in given.humans}, {group.id for group in given.groups}
-    entities = number_entities(drawn, humans, furniture, taken, taken_groups, manners)
+    entities = number_entities([cluster for cluster, _ in drawn], humans, furniture, taken, taken_groups, reactions)
     people = zip(given.humans, config.people, strict=True)
     scene = Scene(
         name=config.name,
@@ -139,7 +134,7 @@ def _try_layout(
         polygon=plan.polygon,
         walls=plan.walls,
         furniture=entities.furniture,
-        humans=(*(manners.given_to(human, person.reaction) for human, person in people), *entities.humans),
+        humans=(*(reactions.assign(human, person.reaction) for human, person in people), *entities.humans),
         robot=robot,
         goal=goal,
         groups=(*given.groups, *entities.groups),
@@ -155,12 +150,10 @@ def _try_layout(
     return scene
 
 
-def _obstacles(
-    plan: FloorPlan, humans: Iterable[tuple[Human, Pose]], furniture: Iterable[tuple[Furniture, Pose]]
-) -> Barriers:
+def _obstacles(plan: FloorPlan, humans: Iterable[Human], furniture: Iterable[Furniture]) -> Barriers:
     """Return walls, furniture on the floor and standing pedestrians: what the robot must avoid."""
-    edges = [edge for piece, pose in furniture if piece.on is None for edge in piece.shape.edges(pose)]
-    edges += [edge for human, pose in humans if human.behaviour == "standing" for edge in shape_of(human).edges(pose)]
+    edges = [edge for piece in furniture if piece.on is None for edge in piece.shape.edges(piece.pose)]
+    edges += [edge for human in humans if human.behaviour == "standing" for edge in shape_of(human).edges(human.pose)]
     return plan.barriers.joined(Barriers.of(edges))
 
 

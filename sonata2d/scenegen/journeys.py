@@ -19,8 +19,9 @@ from ..core.scene import Scene
 from ..core.vectors import length
 from ..errors import SceneError
 from .floor_plans import FloorPlan
+from .human_sampling import ReactionSampler, draw_human
+from .numbering import free_ids
 from .placement import PlacedShape
-from .sampling import Manners, draw_human, free_ids
 from .scenario.config import ScenarioConfig
 from .scenario.sections import DoorConfig, QueueConfig
 
@@ -237,7 +238,7 @@ def _queue_zone(queue: Queue) -> PlacedShape:
 
 
 def with_visitors(
-    scene: Scene, config: ScenarioConfig, journeys: Journeys, manners: Manners, rng: RandomStream
+    scene: Scene, config: ScenarioConfig, journeys: Journeys, reactions: ReactionSampler, rng: RandomStream
 ) -> Scene:
     """Add the pedestrians that sit or wait at the start, and those that enter through doors.
 
@@ -245,7 +246,7 @@ def with_visitors(
         scene: with everything else.
         config: its sections `doors` and `person`, and `seated`.
         journeys: of the scene.
-        manners: reactions to the robot by id.
+        reactions: to the robot, by id.
         rng: random stream of the journeys.
     """
     visitors = [*_seated(scene, config, rng), *_waiting(config, journeys, rng)]
@@ -257,7 +258,7 @@ def with_visitors(
     for party in parties:
         members = tuple(next(ids) for _ in party)
         group = next(group_ids) if len(party) > 1 else None
-        humans += [manners.given_to(h, id=id, group=group) for h, id in zip(party, members, strict=True)]
+        humans += [reactions.assign(h, id=id, group=group) for h, id in zip(party, members, strict=True)]
         if group is not None:
             groups.append(Group(group, "walking", members))
             interactions.append(Interaction(members[0], WALKING_TOGETHER, members[1]))

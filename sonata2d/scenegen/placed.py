@@ -18,11 +18,12 @@ from ..core.relations import TALKING, WALKING_TOGETHER
 from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..errors import SceneError
+from .pieces import faces_ahead
 from .placement import Layout
 from .scenario.base import Jitter
 from .scenario.config import ScenarioConfig
 from .scenario.people import PersonSpec, Track
-from .scenario.sections import FurnitureConfig, PersonConfig
+from .scenario.sections import PersonConfig
 
 _SLOW = 0.1  # m/s, below which a velocity does not determine where a pedestrian faces
 _TOLERANCE = 1e-6  # ticks, rounding error of a time divided by the tick
@@ -73,7 +74,7 @@ def mirror_config(config: ScenarioConfig) -> ScenarioConfig:
     goal_position = None if goal.position is None else _mirror_point(goal.position)
     # the front of furniture is its -y side, so that its mirror image is turned by pi - theta, not by -theta as a chair
     furniture = (
-        p.model_copy(update={"y": -p.y, "theta": -p.theta if _faces_ahead(p, config) else PI - p.theta})
+        p.model_copy(update={"y": -p.y, "theta": -p.theta if faces_ahead(config, p) else PI - p.theta})
         for p in config.furniture
     )
     return config.model_copy(
@@ -90,13 +91,6 @@ def mirror_config(config: ScenarioConfig) -> ScenarioConfig:
             "groups": groups.model_copy(update={"places": tuple(_mirror_point(place) for place in groups.places)}),
         }
     )
-
-
-def _faces_ahead(piece: FurnitureConfig, config: ScenarioConfig) -> bool:
-    """Whether the front of a piece is its +x side: that of a seat that is not longer than wide."""
-    size = piece.size or config.sizes[piece.type]
-    is_seat = piece.type == "chair" if piece.seat is None else piece.seat
-    return is_seat and not (isinstance(size, tuple) and size[0] > size[1])
 
 
 def _mirror_person(person: PersonSpec) -> PersonSpec:

@@ -22,7 +22,7 @@ from sonata2d.core.snapshot import Snapshot
 from sonata2d.datasets.replay import check_replay
 from sonata2d.record.reader import read_episode
 from sonata2d.record.recorder import JsonRecorder
-from sonata2d.scenegen.sampling import talking_formation
+from sonata2d.scenegen.formations import talking_formation
 from sonata2d.sim.world import World
 
 from ..conftest import room, walker

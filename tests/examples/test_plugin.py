@@ -35,7 +35,7 @@ def sonata2d(words: list[str], env: dict[str, str], cwd: Path) -> subprocess.Com
     )
 
 
-def test_the_five_plug_ins_work_as_the_readme_says(installed: dict[str, str], tmp_path: Path) -> None:
+def test_the_six_plug_ins_work_as_the_readme_says(installed: dict[str, str], tmp_path: Path) -> None:
     outputs = {}
     for language, file, text in BLOCK.findall((PLUGIN / "README.md").read_text()):
         if file:
@@ -52,6 +52,14 @@ def test_the_five_plug_ins_work_as_the_readme_says(installed: dict[str, str], tm
     assert len(episode["room"]["polygon"]) == 6
     assert {human["model"] for human in episode["humans"]} == {"circular"}
     assert episode["controller"]["path"] == "cautious"
+    sofas = [thing for thing in episode["objects"] if thing["type"] == "sofa"]
+    assert sofas
+    assert all(thing["seat"] and thing["shape"]["length"] == 1.8 for thing in sofas)
+    seats = {human["seat"] for human in episode["humans"] if human["seat"] is not None}
+    assert seats
+    assert seats <= {thing["id"] for thing in sofas}
+    assert episode["settings"]["sofas"] == [1, 2]
+    assert (tmp_path / "hexagon.png").is_file()
     rows = (tmp_path / "paths" / "000000.robot.csv").read_text().splitlines()
     assert rows[0] == "time,x,y,theta"
     assert len(rows) == len(episode["frames"]) + 1
@@ -169,7 +177,13 @@ def test_doctor_lists_each_plug_in_with_its_package_and_whether_it_loads(
     done = sonata2d(["doctor", "--json"], env, tmp_path)
     assert done.returncode == 1
     rows = {row["check"]: row for row in json.loads(done.stdout)}
-    for name in ("controller cautious", "pedestrian model circular", "format robot-csv", "metric mean_speed"):
+    for name in (
+        "controller cautious",
+        "pedestrian model circular",
+        "format robot-csv",
+        "metric mean_speed",
+        "furniture type sofa",
+    ):
         assert rows[name]["ok"] is True
         assert rows[name]["found"].startswith("plug-in of sonata2d-example-plugin 0.1.0: ")
     assert rows["controller lost"]["ok"] is False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 
 from pydantic import (
@@ -75,17 +75,24 @@ class Settings(BaseModel, metaclass=OneLineErrors):
             is_default = value == field.get_default(call_default_factory=True)
             if name == "name" or (not is_default and value is not None):
                 yield name, value
+        yield from (self.model_extra or {}).items()
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise ConfigError(f"settings are fixed; changed({name}={shown(value)}) returns others")
+
+    @classmethod
+    def _further_keys(cls) -> Collection[str]:
+        """Keys that are no fields of the class."""
+        return ()
 
     @model_validator(mode="before")
     @classmethod
     def _reject_unknown_keys(cls, values: Any) -> Any:
         # pydantic's own check (extra="forbid") runs later and has no suggestions
         for key in values if isinstance(values, dict) else ():
-            if key not in cls.model_fields:
-                hint = did_you_mean(str(key), cls.model_fields) or f"; keys are {', '.join(cls.model_fields)}"
+            if key not in cls.model_fields and key not in cls._further_keys():
+                known = [*cls.model_fields, *cls._further_keys()]
+                hint = did_you_mean(str(key), known) or f"; keys are {', '.join(dict.fromkeys(known))}"
                 context = {"key": str(key), "hint": hint, "path": (key,)}
                 raise PydanticCustomError("unknown_key", "unknown key '{key}'{hint}", context)
         return values
