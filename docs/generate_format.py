@@ -254,7 +254,8 @@ def _columns_of(table: str) -> str:
 
 
 def _is_section(kind: object) -> bool:
-    return isinstance(kind, type) and issubclass(kind, Settings) and kind not in (Settings, Normal)
+    is_settings = isinstance(kind, type) and issubclass(kind, Settings) and kind not in (Settings, Normal)
+    return is_settings and not kind.__name__.startswith("_")
 
 
 def _settings(model: type[Settings]) -> str:

@@ -7,7 +7,9 @@ from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     GetJsonSchemaHandler,
@@ -41,11 +43,27 @@ TupleOf = Annotated[tuple[T, ...], Field(fail_fast=True)]
 Entities = Annotated[tuple[T, ...], Field(fail_fast=True, max_length=MAX_COUNT)]
 
 
-def parse_weights(value: Any) -> Any:
+def _parse_weights(value: Any) -> Any:
     """Convert a name, or a list of names, to a mapping with weight 1 for each name; other values are returned as is."""
     names = [value] if isinstance(value, str) else value
     is_names = isinstance(names, list | tuple) and all(isinstance(name, str) for name in names)
     return dict.fromkeys(names, 1.0) if is_names else names
+
+
+Name = TypeVar("Name")
+# Weights by name; a name, or a list of names, stands for equal weights.
+Weights = Annotated[dict[Name, NonNegativeFloat], BeforeValidator(_parse_weights)]
+
+
+def require_weight(weights: dict[Name, float], item: str) -> dict[Name, float]:
+    """Return the weights if at least one of them is above 0.
+
+    Raises:
+        PydanticCustomError: none is.
+    """
+    if not sum(weights.values()) > 0.0:
+        raise PydanticCustomError("weights", "at least one {item} needs a weight above 0", {"item": item})
+    return weights
 
 
 def require_registered(registry: Registry, name: str) -> str:
@@ -184,6 +202,27 @@ class IntRange(_Interval):
     def draw(self, rng: RandomStream) -> int:
         """Draw a count."""
         return rng.integer(self.min, self.max)
+
+
+def bounded(problem: str, *, low: float = -math.inf, above: float = -math.inf, high: float = math.inf) -> Any:
+    """A validator of ranges for `Annotated`, which raises an error with the text `problem`.
+
+    Args:
+        problem: says what the bounds are.
+        low, above, high: min must be `low` or more and exceed `above`, and max must be `high` or less.
+    """
+
+    def check(interval: _Interval) -> _Interval:
+        ends = vars(interval)
+        if not (ends["min"] >= low and ends["min"] > above and ends["max"] <= high):
+            raise PydanticCustomError("range", "{problem}", {"problem": problem})
+        return interval
+
+    return AfterValidator(check)
+
+
+Distance = Annotated[Range, bounded("a distance must be above 0", above=0.0)]
+Pause = Annotated[Range, bounded("a time must not be negative", low=0.0)]
 
 
 class Normal(Settings):

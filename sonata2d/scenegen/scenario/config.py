@@ -16,7 +16,7 @@ from ...core.furniture_types import BUILT_IN
 from ...core.geometry import MAX_MAGNITUDE, Pose
 from ...errors import PluginWarning
 from ...registry import FURNITURE_TYPES, did_you_mean, furniture_type, furniture_types
-from .base import Entities, Fraction, IntRange, Range, Settings
+from .base import Distance, Entities, Fraction, IntRange, Range, Settings
 from .people import PersonSpec, check_people
 from .sections import (
     DoorConfig,
@@ -117,12 +117,12 @@ class ScenarioConfig(Settings):
     people: Entities[PersonSpec] = ()
     sizes: dict[str, Size] = Field(default_factory=lambda: dict(_SIZES))
     furniture_yaw: Range = Range(0, 0)
-    talking_distance: Range = Range(1.5, 3.0)
+    talking_distance: Distance = Range(1.5, 3.0)
     talking_angle: Range = Range(-_TWENTY_DEGREES, _TWENTY_DEGREES)
-    laptop_distance: Range = Range(1.0, 4.0)
-    plant_distance: Range = Range(1.0, 4.0)
-    object_distance: Range = Range(1.0, 2.0)
-    pair_spacing: Range = Range(0.5, 0.5)
+    laptop_distance: Distance = Range(1.0, 4.0)
+    plant_distance: Distance = Range(1.0, 4.0)
+    object_distance: Distance = Range(1.0, 2.0)
+    pair_spacing: Distance = Range(0.5, 0.5)
     groups: GroupConfig = GroupConfig()
     person: PersonConfig = PersonConfig()
     robot: RobotConfig = RobotConfig()
@@ -171,15 +171,6 @@ class ScenarioConfig(Settings):
         if self.humans is None and (self.standing is None or self.wandering is None):
             raise PydanticCustomError("humans", "standing and wandering must be ranges where humans is not given")
         return self
-
-    @field_validator(
-        "talking_distance", "laptop_distance", "plant_distance", "object_distance", "pair_spacing", mode="after"
-    )
-    @classmethod
-    def _require_positive(cls, distance: Range) -> Range:
-        if not distance.min > 0.0:
-            raise PydanticCustomError("distance", "a distance must be above 0")
-        return distance
 
     @field_validator("sizes", mode="after")
     @classmethod

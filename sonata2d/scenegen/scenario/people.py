@@ -10,9 +10,11 @@ from pydantic_core import PydanticCustomError
 
 from ...core.entities import Behaviour, Reaction
 from ...core.geometry import Barriers, Point
-from .base import Fraction, Jitter, Range, Settings, TupleOf
+from .base import Fraction, Jitter, Pause, Range, Settings, TupleOf, bounded
+from .sections import BodyBreadth, BodyRadius
 
 TrackPoint = tuple[float, float, float]  # t, x, y: s, m
+_Speed = Annotated[Range, bounded("a desired speed must be above 0", above=0.0)]
 Track = Annotated[TupleOf[TrackPoint], Field(min_length=2)]
 
 
@@ -52,15 +54,15 @@ class PersonSpec(Settings):
     velocity: Point | None = None
     behaviour: Behaviour | None = None
     goals: TupleOf[Point] = ()
-    stay: Range = Range(0, 0)
+    stay: Pause = Range(0, 0)
     exits: bool = False
     enters: NonNegativeFloat = 0.0
     leaves: PositiveFloat | None = None
     track: Track | None = None
     group: PositiveInt | None = None
-    desired_speed: Range | None = None
-    radius: Range | None = None
-    breadth: Range | None = None
+    desired_speed: _Speed | None = None
+    radius: BodyRadius | None = None
+    breadth: BodyBreadth | None = None
     headway: PositiveFloat | None = None
     politeness: NonNegativeFloat | None = None
     reacts_to_robot: Fraction | None = None
@@ -92,7 +94,7 @@ class PersonSpec(Settings):
 
     @model_validator(mode="after")
     def _check_behaviour(self) -> Self:
-        """Check that the behaviour agrees with the other keys, and that speed and radius are in their ranges."""
+        """Check that the behaviour agrees with the other keys."""
         required_keys: dict[Behaviour, str] = {"walking": "goals", "recorded": "track"}
         for behaviour, key in required_keys.items():
             if (self.resolved_behaviour == behaviour) != bool(getattr(self, key)):
@@ -104,19 +106,10 @@ class PersonSpec(Settings):
         ):
             message = "reacts_to_robot must be 0 with reaction ignores, and above 0 with any other reaction"
             raise PydanticCustomError("reaction", message, {"path": ("reaction",)})
-        if not self.stay.min >= 0.0:
-            raise PydanticCustomError("stay", "a time must not be negative", {"path": ("stay",)})
         if self.stay.max > 0.0 and len(self.goals) < 2:
             raise PydanticCustomError("stay", "stay needs two goals or more", {"path": ("stay",)})
         if self.exits and not self.goals:
             raise PydanticCustomError("exits", "exits needs goals to leave at", {"path": ("exits",)})
-        if self.desired_speed is not None and not self.desired_speed.min > 0.0:
-            raise PydanticCustomError("speed", "a desired speed must be above 0", {"path": ("desired_speed",)})
-        if self.breadth is not None and not 0.0 < self.breadth.min <= self.breadth.max <= 1.0:
-            message = "a person's breadth must be above 0 and 1 m or less"
-            raise PydanticCustomError("breadth", message, {"path": ("breadth",)})
-        if self.radius is not None and not self.radius.min >= 0.1:
-            raise PydanticCustomError("radius", "a person's radius must be 0.1 m or more", {"path": ("radius",)})
         return self
 
     @model_validator(mode="after")

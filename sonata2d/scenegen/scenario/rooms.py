@@ -3,19 +3,33 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
 import numpy as np
-from pydantic import AfterValidator, Field, NonNegativeFloat, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from ...core.files.limits import MAX_COUNT
 from ...core.geometry import Barriers, Point, segments_cross
 from ...registry import ROOM_KINDS
-from .base import Coordinate, Entities, IntRange, Range, Settings, TupleOf, parse_weights, require_registered
+from .base import (
+    Coordinate,
+    Entities,
+    IntRange,
+    Range,
+    Settings,
+    TupleOf,
+    Weights,
+    bounded,
+    require_registered,
+    require_weight,
+)
 
 MIN_DOOR_WIDTH = 0.7  # m: diameter of the default robot, with its path margin on both sides
 RoomKindName = Annotated[str, AfterValidator(partial(require_registered, ROOM_KINDS))]
+RoomWeights = Annotated[Weights[RoomKindName], AfterValidator(partial(require_weight, item="kind of room"))]
+_Size = Annotated[Range, bounded("a room's size must be above 0", above=0.0)]
+_DoorWidth = Annotated[Range, bounded(f"a door must be {MIN_DOOR_WIDTH} m wide or more", low=MIN_DOOR_WIDTH)]
 WallEnds = tuple[Coordinate, Coordinate, Coordinate, Coordinate]  # x1, y1, x2, y2, m
 
 
@@ -41,53 +55,23 @@ class RoomConfig(Settings):
         walls: inner walls, as x1, y1, x2, y2, m.
     """
 
-    kinds: dict[RoomKindName, NonNegativeFloat] = Field(default={"square": 1.0, "rectangle": 1.0, "l": 1.0})
-    side: Range = Range(6, 10, 1)
-    breadth: Range = Range(5, 10, 1)
-    length: Range = Range(5, 10, 1)
-    unit: Range = Range(3, 4, 1)
-    span: Range = Range(8.0, 12.0)
-    depth: Range = Range(7.0, 10.0)
-    arm: Range = Range(2.5, 3.5)
-    corridor_length: Range = Range(10.0, 16.0)
-    corridor_width: Range = Range(2.0, 3.0)
-    chamber: Range = Range(4.0, 7.0)
-    door: Range = Range(0.9, 1.2)
+    kinds: RoomWeights = Field(default={"square": 1.0, "rectangle": 1.0, "l": 1.0})
+    side: _Size = Range(6, 10, 1)
+    breadth: _Size = Range(5, 10, 1)
+    length: _Size = Range(5, 10, 1)
+    unit: _Size = Range(3, 4, 1)
+    span: _Size = Range(8.0, 12.0)
+    depth: _Size = Range(7.0, 10.0)
+    arm: _Size = Range(2.5, 3.5)
+    corridor_length: _Size = Range(10.0, 16.0)
+    corridor_width: _Size = Range(2.0, 3.0)
+    chamber: _Size = Range(4.0, 7.0)
+    door: _DoorWidth = Range(0.9, 1.2)
     door_offset: Range = Range(-1.0, 1.0)
-    hall: Range = Range(12.0, 18.0)
+    hall: _Size = Range(12.0, 18.0)
     turns: IntRange = IntRange(0, 3)
     polygon: Annotated[TupleOf[tuple[Coordinate, Coordinate]], Field(min_length=3, max_length=MAX_COUNT)] | None = None
     walls: Entities[WallEnds] = ()
-
-    @field_validator("kinds", mode="before")
-    @classmethod
-    def _parse_weights(cls, value: Any) -> Any:
-        return parse_weights(value)
-
-    @field_validator("kinds", mode="after")
-    @classmethod
-    def _require_weight(cls, kinds: dict[str, float]) -> dict[str, float]:
-        if not sum(kinds.values()) > 0.0:
-            raise PydanticCustomError("kinds", "at least one kind of room needs a weight above 0")
-        return kinds
-
-    @field_validator(
-        *("side", "breadth", "length", "unit", "span", "depth", "arm"),
-        *("corridor_length", "corridor_width", "chamber", "door", "hall"),
-        mode="after",
-    )
-    @classmethod
-    def _require_positive(cls, size: Range) -> Range:
-        if not size.min > 0.0:
-            raise PydanticCustomError("size", "a room's size must be above 0")
-        return size
-
-    @field_validator("door", mode="after")
-    @classmethod
-    def _check_door(cls, door: Range) -> Range:
-        if not door.min >= MIN_DOOR_WIDTH:
-            raise PydanticCustomError("door", "a door must be {minimum} m wide or more", {"minimum": MIN_DOOR_WIDTH})
-        return door
 
     @field_validator("polygon", mode="after")
     @classmethod

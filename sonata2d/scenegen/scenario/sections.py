@@ -28,11 +28,14 @@ from .base import (
     IntRange,
     Jitter,
     Normal,
+    Pause,
     Range,
     Settings,
     TupleOf,
-    parse_weights,
+    Weights,
+    bounded,
     require_registered,
+    require_weight,
 )
 from .rooms import RoomConfig
 
@@ -63,6 +66,14 @@ CIRCLE_FORMATIONS: tuple[Formation, ...] = ("circle", "semicircle")
 TALKING_FORMATIONS = (*PAIR_FORMATIONS, *CIRCLE_FORMATIONS)
 MAX_GROUP_SIZE = 6
 
+BodyRadius = Annotated[Range, bounded("a person's radius must be 0.1 m or more", low=0.1)]
+BodyBreadth = Annotated[Range, bounded("a person's breadth must be above 0 and 1 m or less", above=0.0, high=1.0)]
+ReactionWeights = Annotated[Weights[Reaction], AfterValidator(partial(require_weight, item="reaction"))]
+_Time = Annotated[Range, bounded("a time must be above 0", above=0.0)]
+_GroupSize = Annotated[IntRange, bounded(f"a group has 2 to {MAX_GROUP_SIZE} people", low=2, high=MAX_GROUP_SIZE)]
+_Spacing = Annotated[Range, bounded("neighbours in a group need 0.5 m or more between their centres", low=0.5)]
+_VAngle = Annotated[Range, bounded("the angle of a V must be within 0.5..1.5708 rad", low=0.5, high=1.5708)]
+
 
 class FurnitureConfig(Settings):
     """A piece of furniture at a fixed position. A laptop that overlaps a table lies on it.
@@ -87,7 +98,21 @@ class FurnitureConfig(Settings):
     seat: bool | None = None
 
 
-class DoorConfig(Settings):
+class _Place(Settings):
+    """A position that is drawn where it is not given."""
+
+    x: float | None = None
+    y: float | None = None
+
+    @model_validator(mode="after")
+    def _check_position(self) -> Self:
+        if (self.x is None) != (self.y is None):
+            context = {"path": ("x" if self.x is None else "y",)}
+            raise PydanticCustomError("place", "give x and y, or neither", context)
+        return self
+
+
+class DoorConfig(_Place):
     """A door in the outline of the room, through which pedestrians enter and leave.
 
     The wall stays solid for the robot and for all pedestrians: they appear just inside the door, and disappear just
@@ -103,20 +128,13 @@ class DoorConfig(Settings):
         share: weight with which pedestrians that leave (`social.exits`) choose this door.
     """
 
-    x: float | None = None
-    y: float | None = None
     width: Annotated[float, Field(ge=0.7)] = 1.0
     inflow: NonNegativeFloat = 0.0
     pairs: Fraction = 0.0
     share: NonNegativeFloat = 1.0
 
-    @model_validator(mode="after")
-    def _check_position(self) -> Self:
-        _require_both_or_none(self.x, self.y)
-        return self
 
-
-class QueueConfig(Settings):
+class QueueConfig(_Place):
     """A queue: pedestrians stand in line, straight back from the first one, and leave it when they were served.
 
     Attributes:
@@ -128,23 +146,11 @@ class QueueConfig(Settings):
         waiting: number of pedestrians that stand in the queue at the start, in addition to all others.
     """
 
-    x: float | None = None
-    y: float | None = None
     theta: float = 0.0
     spacing: Annotated[float, Field(ge=0.5)] = 0.75
-    service: Range = Range(5, 15)
+    service: Pause = Range(5, 15)
     capacity: Annotated[int, Field(ge=1, le=MAX_COUNT)] = 8
     waiting: IntRange = IntRange(0, 0)
-
-    @model_validator(mode="after")
-    def _check_position(self) -> Self:
-        _require_both_or_none(self.x, self.y)
-        return self
-
-    @field_validator("service", mode="after")
-    @classmethod
-    def _check_service(cls, time: Range) -> Range:
-        return _require_not_negative(time)
 
     @model_validator(mode="after")
     def _check_waiting(self) -> Self:
@@ -168,23 +174,7 @@ class PlaceConfig(Settings):
     y: float
     radius: PositiveFloat = 1.0
     weight: PositiveFloat = 1.0
-    stay: Range = Range(5, 20)
-
-    @field_validator("stay", mode="after")
-    @classmethod
-    def _check_stay(cls, time: Range) -> Range:
-        return _require_not_negative(time)
-
-
-def _require_both_or_none(x: float | None, y: float | None) -> None:
-    if (x is None) != (y is None):
-        raise PydanticCustomError("place", "give x and y, or neither", {"path": ("x" if x is None else "y",)})
-
-
-def _require_not_negative(time: Range) -> Range:
-    if not time.min >= 0.0:
-        raise PydanticCustomError("time", "a time must not be negative")
-    return time
+    stay: Pause = Range(5, 20)
 
 
 class SpeedConfig(Normal):
@@ -236,42 +226,16 @@ class PersonConfig(Settings):
         robot_clearance: distribution of the clearance at which a pedestrian wants to pass the robot, m.
     """
 
-    radius: Range = Range(0.13, 0.15)
-    breadth: Range = Range(0.4, 0.5)
+    radius: BodyRadius = Range(0.13, 0.15)
+    breadth: BodyBreadth = Range(0.4, 0.5)
     wall_distance: NonNegativeFloat = 0.4
     desired_speed: SpeedConfig = SpeedConfig()
     headway: FactorConfig = FactorConfig()
     politeness: FactorConfig = FactorConfig()
     model: ModelName = DEFAULT_MODEL
     ignores_robot: Fraction = 0.0
-    reactions: dict[Reaction, NonNegativeFloat] = Field(default={"avoids": 1.0})
+    reactions: ReactionWeights = Field(default={"avoids": 1.0})
     robot_clearance: ClearanceConfig = ClearanceConfig()
-
-    @field_validator("reactions", mode="before")
-    @classmethod
-    def _parse_weights(cls, value: Any) -> Any:
-        return parse_weights(value)
-
-    @field_validator("reactions", mode="after")
-    @classmethod
-    def _require_weight(cls, reactions: dict[Reaction, float]) -> dict[Reaction, float]:
-        if not sum(reactions.values()) > 0.0:
-            raise PydanticCustomError("reactions", "at least one reaction needs a weight above 0")
-        return reactions
-
-    @field_validator("radius", mode="after")
-    @classmethod
-    def _check_radius(cls, radius: Range) -> Range:
-        if not radius.min >= 0.1:
-            raise PydanticCustomError("radius", "a person's radius must be 0.1 m or more")
-        return radius
-
-    @field_validator("breadth", mode="after")
-    @classmethod
-    def _check_breadth(cls, breadth: Range) -> Range:
-        if not 0.0 < breadth.min <= breadth.max <= 1.0:
-            raise PydanticCustomError("breadth", "a person's breadth must be above 0 and 1 m or less")
-        return breadth
 
 
 class GroupConfig(Settings):
@@ -291,40 +255,14 @@ class GroupConfig(Settings):
         places: x, y, m, world frame, of the o-space centres of the first talking groups; the others are drawn.
     """
 
-    walking_size: IntRange = IntRange(2, 5)
-    walking_formations: dict[Formation, NonNegativeFloat] = Field(default=dict.fromkeys(WALKING_FORMATIONS, 1.0))
-    walking_spacing: Range = Range(0.7, 1.1)
-    v_angle: Range = Range(1.1, 1.33)
-    talking_size: IntRange = IntRange(2, 6)
-    formations: dict[Formation, NonNegativeFloat] = Field(default=dict.fromkeys(TALKING_FORMATIONS, 1.0))
-    talking_spacing: Range = Range(0.9, 1.2)
+    walking_size: _GroupSize = IntRange(2, 5)
+    walking_formations: Weights[Formation] = Field(default=dict.fromkeys(WALKING_FORMATIONS, 1.0))
+    walking_spacing: _Spacing = Range(0.7, 1.1)
+    v_angle: _VAngle = Range(1.1, 1.33)
+    talking_size: _GroupSize = IntRange(2, 6)
+    formations: Weights[Formation] = Field(default=dict.fromkeys(TALKING_FORMATIONS, 1.0))
+    talking_spacing: _Spacing = Range(0.9, 1.2)
     places: Entities[Point] = ()
-
-    @field_validator("walking_formations", "formations", mode="before")
-    @classmethod
-    def _parse_weights(cls, value: Any) -> Any:
-        return parse_weights(value)
-
-    @field_validator("walking_size", "talking_size", mode="after")
-    @classmethod
-    def _check_size(cls, size: IntRange) -> IntRange:
-        if not 2 <= size.min <= size.max <= MAX_GROUP_SIZE:
-            raise PydanticCustomError("size", "a group has 2 to {maximum} people", {"maximum": MAX_GROUP_SIZE})
-        return size
-
-    @field_validator("walking_spacing", "talking_spacing", mode="after")
-    @classmethod
-    def _check_spacing(cls, spacing: Range) -> Range:
-        if not spacing.min >= 0.5:
-            raise PydanticCustomError("spacing", "neighbours in a group need 0.5 m or more between their centres")
-        return spacing
-
-    @field_validator("v_angle", mode="after")
-    @classmethod
-    def _check_angle(cls, angle: Range) -> Range:
-        if not 0.5 <= angle.min <= angle.max <= 1.5708:
-            raise PydanticCustomError("v_angle", "the angle of a V must be within 0.5..1.5708 rad")
-        return angle
 
     @model_validator(mode="after")
     def _check_formations(self) -> Self:
@@ -381,10 +319,10 @@ class SocialConfig(Settings):
     sits: Fraction = 0.0
     queues: Fraction = 0.0
     exits: Fraction = 0.0
-    visit_time: Range = Range(5, 20)
-    talk_time: Range = Range(10, 40)
-    sit_time: Range = Range(20, 90)
-    pause: Range = Range(1, 6)
+    visit_time: _Time = Range(5, 20)
+    talk_time: _Time = Range(10, 40)
+    sit_time: _Time = Range(20, 90)
+    pause: Pause = Range(1, 6)
 
     @model_validator(mode="after")
     def _check_sum(self) -> SocialConfig:
@@ -394,18 +332,6 @@ class SocialConfig(Settings):
             message = "visits + joins + sits + queues + exits is {sum}; the sum must not exceed 1"
             raise PydanticCustomError("social", message, context)
         return self
-
-    @field_validator("pause", mode="after")
-    @classmethod
-    def _check_pause(cls, time: Range) -> Range:
-        return _require_not_negative(time)
-
-    @field_validator("visit_time", "talk_time", "sit_time", mode="after")
-    @classmethod
-    def _require_positive(cls, time: Range) -> Range:
-        if not time.min > 0.0:
-            raise PydanticCustomError("time", "a time must be above 0")
-        return time
 
     def social(self) -> Social:
         """Convert to the `Social` of a scene."""
