@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -62,24 +61,24 @@ def generate(config: str | Path | ScenarioConfig, seed: int = 0, episode: int = 
     config = scenario_of(config)
     seed, episode = whole_number("seed", seed), whole_number("episode", episode)
     rng = RandomStream(seed, episode, "scene")
-    plan, given = draw_floor_plan(config.room, rng), config
+    plan, scenario = draw_floor_plan(config.room, rng), config
     if config.flip and rng.uniform() < config.flip:
-        plan, given = plan.mirrored(), mirror_config(config)
-    fixed = fixed_furniture(given)
+        plan, scenario = plan.mirrored(), mirror_config(config)
+    fixed = fixed_furniture(scenario)
     _check_furniture(fixed, plan)
     furniture = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
-    own_rng = RandomStream(seed, episode, "journeys")  # so that scenes without journeys stay the same
-    journeys = plan_journeys(given, plan, reserved_outlines(given) + furniture, own_rng)
-    clusters = sample_entities(given, rng)
+    journey_rng = RandomStream(seed, episode, "journeys")  # so that scenes without journeys stay the same
+    journeys = plan_journeys(scenario, plan, reserved_outlines(scenario) + furniture, journey_rng)
+    clusters = sample_entities(scenario, rng)
     reactions = ReactionSampler(config.person, seed, episode)
-    scene = None
-    for _ in range(config.max_layouts - 1):
-        with suppress(SceneError):
-            scene = _try_layout(given, plan, fixed, clusters, journeys, reactions, rng)
+    for attempt in range(1, config.max_layouts + 1):
+        try:
+            scene = _try_layout(scenario, plan, fixed, clusters, journeys, reactions, rng)
             break
-    if scene is None:
-        scene = _try_layout(given, plan, fixed, clusters, journeys, reactions, rng)  # the last error is raised
-    scene = with_visitors(scene, given, journeys, reactions, own_rng)
+        except SceneError:
+            if attempt == config.max_layouts:
+                raise
+    scene = with_visitors(scene, scenario, journeys, reactions, journey_rng)
     return replace(scene, seed=seed, episode=episode, settings=config.settings())
 
 
@@ -107,11 +106,11 @@ def _try_layout(
         SceneError: something has no space.
     """
     config = apply_jitter(config, rng)
-    given = create_placed_entities(config.people, config.person, config.rules.dt, rng)
-    check_placed_positions(given, plan.outline, config.robot.pose and Pose(*config.robot.pose), config.robot.radius)
+    people = create_placed_entities(config.people, config.person, config.rules.dt, rng)
+    check_placed_positions(people, plan.outline, config.robot.pose and Pose(*config.robot.pose), config.robot.radius)
     furniture_outlines = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
     layout = Layout(plan, config, reserved_outlines(config), furniture_outlines)
-    place_given(config, given, layout, fixed)
+    place_given(config, people, layout, fixed)
     layout.occupy(list(journeys.zones))
     placed: dict[int, list[Pose]] = {}
     for k in sorted(range(len(clusters)), key=lambda k: (clusters[k].fixed is None, -cluster_radius(clusters[k]))):
@@ -122,23 +121,24 @@ def _try_layout(
             raise SceneError(_no_space_message(clusters, k, plan, config.max_attempts))
     drawn = [(clusters[k], placed[k]) for k in sorted(placed)]
     humans, furniture = ordered_entities(drawn, fixed)
-    obstacles = _obstacles(plan, humans.values(), furniture.values()).joined(standing_throughout(given.humans))
+    obstacles = _obstacles(plan, humans.values(), furniture.values()).joined(standing_throughout(people.humans))
     robot, goal = draw_robot_task(config, layout, obstacles, rng)
     # The given pedestrians are the first ones; drawn entities get the ids that these leave free.
-    taken, taken_groups = {human.id for human in given.humans}, {group.id for group in given.groups}
+    taken, taken_groups = {human.id for human in people.humans}, {group.id for group in people.groups}
     entities = number_entities([cluster for cluster, _ in drawn], humans, furniture, taken, taken_groups, reactions)
-    people = zip(given.humans, config.people, strict=True)
+    persons = zip(people.humans, config.people, strict=True)
+    listed = [reactions.assign(human, person.reaction) for human, person in persons]
     scene = Scene(
         name=config.name,
         family=f"{config.name}/{plan.kind}",
         polygon=plan.polygon,
         walls=plan.walls,
         furniture=entities.furniture,
-        humans=(*(reactions.assign(human, person.reaction) for human, person in people), *entities.humans),
+        humans=(*listed, *entities.humans),
         robot=robot,
         goal=goal,
-        groups=(*given.groups, *entities.groups),
-        interactions=(*given.interactions, *entities.interactions),
+        groups=(*people.groups, *entities.groups),
+        interactions=(*people.interactions, *entities.interactions),
         rules=Rules(**dict(config.rules)),
         social=config.social.social(),
         dropped=tuple(_label(clusters, k) for k in range(len(clusters)) if k not in placed),
@@ -146,7 +146,7 @@ def _try_layout(
         queues=journeys.queues,
         places=journeys.places,
     )
-    check_goals(scene, given.humans)
+    check_goals(scene, people.humans)
     return scene
 
 

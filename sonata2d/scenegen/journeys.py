@@ -149,15 +149,15 @@ def _pose_on(start: Point, end: Point, along: float) -> Pose:
 
 def _nearest_on_outline(point: Point, width: float, plan: FloorPlan) -> Pose | None:
     """The place for the middle of a door that is nearest to a point; None if no wall is long enough."""
-    found: list[tuple[float, Pose]] = []
+    candidates: list[tuple[float, Pose]] = []
     for start, end, size in _edges(plan):
         margin = width / 2 + _JAMB
         if size >= 2 * margin:
             dx, dy = (end[0] - start[0]) / size, (end[1] - start[1]) / size
             along = (point[0] - start[0]) * dx + (point[1] - start[1]) * dy
             pose = _pose_on(start, end, min(max(along, margin), size - margin))
-            found.append((length(pose.x - point[0], pose.y - point[1]), pose))
-    return min(found, key=lambda item: item[0])[1] if found else None
+            candidates.append((length(pose.x - point[0], pose.y - point[1]), pose))
+    return min(candidates, key=lambda item: item[0])[1] if candidates else None
 
 
 def _fits(door: Door, plan: FloorPlan, others: Sequence[Door], taken: Sequence[PlacedShape]) -> bool:
@@ -204,20 +204,20 @@ def _place_queue(
 
     people = "1 person" if waiting < 2 else f"{waiting} people"
     if config.x is not None and config.y is not None:
-        given = queue_at(Pose(config.x, config.y, config.theta))
-        if given is None:
+        queue = queue_at(Pose(config.x, config.y, config.theta))
+        if queue is None:
             raise SceneError(
                 f"the queue at ({config.x:g}, {config.y:g}) has no space for {people}; move it, or turn it (theta)"
             )
-        return given
+        return queue
     best: Queue | None = None
     for _ in range(attempts):
         start, end, size = rng.choice(walls := _edges(plan), [wall[2] for wall in walls])
         wall = _pose_on(start, end, rng.uniform(0.0, size))
         x, y = wall.to_world((_WALL_GAP, 0.0))
-        found = queue_at(Pose(x, y, wall.theta + PI))
-        if found is not None and (best is None or found.capacity > best.capacity):
-            best = found
+        queue = queue_at(Pose(x, y, wall.theta + PI))
+        if queue is not None and (best is None or queue.capacity > best.capacity):
+            best = queue
         if best is not None and best.capacity == config.capacity:
             return best
     if best is None:

@@ -45,9 +45,9 @@ def fixed_furniture(config: ScenarioConfig) -> tuple[Furniture, ...]:
     return tuple(replace(piece, on=_support(piece, pieces)) for piece in pieces)
 
 
-def faces_ahead(config: ScenarioConfig, given: FurnitureConfig) -> bool:
+def faces_ahead(config: ScenarioConfig, settings: FurnitureConfig) -> bool:
     """Return whether the front of a given piece is its +x side, as of a seat that is not longer than wide."""
-    piece = create_piece(config, given.type, given.size, given.seat)
+    piece = create_piece(config, settings.type, settings.size, settings.seat)
     return piece.is_seat and piece.front == piece.pose.direction
 
 

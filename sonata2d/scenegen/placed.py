@@ -272,8 +272,8 @@ def resample_track(track: Track, dt: float) -> tuple[int, list[Point]]:
 def _slope(track: Track, k: int) -> Point:
     """Return the velocity at a track point, m/s.
 
-    It is that of the parabola through the point and its two neighbours; at both ends, that of the straight line to the
-    only neighbour.
+    The slope of the parabola through the point and its two neighbours; at both ends, the slope of the straight line to
+    the only neighbour.
     """
     if k == 0 or k == len(track) - 1:
         (t0, x0, y0), (t1, x1, y1) = track[max(k - 1, 0)], track[min(k + 1, len(track) - 1)]
@@ -317,14 +317,14 @@ def check_placed_positions(placed: PlacedEntities, outline: Array, robot: Pose |
     """
     if not placed.humans:
         return
-    given = [point for human in placed.humans for point in (human.pose.position, *human.track, *human.goals)]
-    is_inside = iter(inside_polygon(np.array(given, dtype=float).reshape(-1, 2), outline).tolist())
+    points = [point for human in placed.humans for point in (human.pose.position, *human.track, *human.goals)]
+    is_inside = iter(inside_polygon(np.array(points, dtype=float).reshape(-1, 2), outline).tolist())
     for human in placed.humans:
-        for what, points in (("start", [human.pose.position]), ("track", human.track), ("goal", human.goals)):
-            for x, y in points:
+        for name, places in (("start", [human.pose.position]), ("track", human.track), ("goal", human.goals)):
+            for x, y in places:
                 if not next(is_inside):
                     raise SceneError(
-                        f"the {what} of person {human.id} is outside the room at ({x:g}, {y:g}); move it, or widen the "
+                        f"the {name} of person {human.id} is outside the room at ({x:g}, {y:g}); move it, or widen the "
                         "room"
                     )
         if robot is not None and human.enters == 0:
@@ -379,7 +379,7 @@ def _fits(person: PersonSpec, human: Human, layout: Layout) -> bool:
 def check_goals(scene: Scene, humans: tuple[Human, ...]) -> None:
     """Check that the given pedestrians can reach their goals.
 
-    Paths of those that leave at their last goal are not checked: recorded people leave through doors that their scene
+    Paths of people who leave at their last goal are not checked: recorded people leave through doors that their scene
     lacks.
 
     Args:
@@ -397,12 +397,12 @@ def check_goals(scene: Scene, humans: tuple[Human, ...]) -> None:
     widest = FreeSpace(scene.outline, scene.barriers, max(human.radius for human in staying) + _SQUEEZE)
     for human in staying:
         gaps = scene.barriers.gaps(np.array(human.goals)).min(axis=0)
-        own = FreeSpace(scene.outline, scene.barriers, human.radius + _SQUEEZE)
+        narrow = FreeSpace(scene.outline, scene.barriers, human.radius + _SQUEEZE)
         for (x, y), (u, v), gap in zip([human.pose.position, *human.goals], human.goals, gaps.tolist(), strict=False):
             if gap < _POINT_RADIUS:
                 raise SceneError(f"the goal ({u:g}, {v:g}) of person {human.id} is in a wall; move it")
             # one space for all is faster where the widest body passes
-            if widest.path((x, y), (u, v)) is None and own.path((x, y), (u, v)) is None:
+            if widest.path((x, y), (u, v)) is None and narrow.path((x, y), (u, v)) is None:
                 raise SceneError(
                     f"person {human.id} cannot walk from ({x:g}, {y:g}) to its goal ({u:g}, {v:g}): no way is wide "
                     f"enough for its body, which is {2.0 * human.radius:.2g} m deep; widen a gap, or move the goal"
@@ -411,11 +411,11 @@ def check_goals(scene: Scene, humans: tuple[Human, ...]) -> None:
 
 def _check_furniture(humans: list[Human], furniture: tuple[Furniture, ...]) -> None:
     for human in humans:
-        for what, (x, y) in [("start", human.pose.position), *(("goal", goal) for goal in human.goals)]:
+        for name, (x, y) in [("start", human.pose.position), *(("goal", goal) for goal in human.goals)]:
             piece = _piece_at((x, y), furniture)
             if piece is not None:
                 raise SceneError(
-                    f"the {what} ({x:g}, {y:g}) of person {human.id} is in {_described(piece)}; move one of them"
+                    f"the {name} ({x:g}, {y:g}) of person {human.id} is in {_described(piece)}; move one of them"
                 )
 
 

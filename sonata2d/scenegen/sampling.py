@@ -58,7 +58,7 @@ def shape_of(entity: Entity) -> Shape:
 
 
 def sample_entities(config: ScenarioConfig, rng: RandomStream) -> list[EntityCluster]:
-    """Sample pedestrians and drawn furniture, as clusters: those in relations first, then single entities."""
+    """Sample pedestrians and drawn furniture, as clusters: relations first, then single entities."""
     sampler = _Sampler(config, rng)
     # the counts are drawn before any cluster is: the order of draws is part of what a seed means
     counts = {relation.name: getattr(config, relation.setting).draw(rng) for relation in _PAIRS_FIRST}

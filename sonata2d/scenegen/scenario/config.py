@@ -307,4 +307,4 @@ def _huge_number(value: Any, path: tuple[int | str, ...] = ()) -> tuple[int | st
         items = enumerate(value)
     else:
         return None
-    return next((found for key, item in items if (found := _huge_number(item, (*path, key))) is not None), None)
+    return next((place for key, item in items if (place := _huge_number(item, (*path, key))) is not None), None)

@@ -91,12 +91,12 @@ def line_of(path: Path, keys: list[int | str]) -> str:
     line = None
     for key in keys:
         if isinstance(node, yaml.MappingNode):
-            found = next(((k, v) for k, v in node.value if k.value == str(key)), None)
+            entry = next(((k, v) for k, v in node.value if k.value == str(key)), None)
         else:
-            found = (node.value[key],) * 2 if isinstance(node, yaml.SequenceNode) else None
-        if found is None:
+            entry = (node.value[key],) * 2 if isinstance(node, yaml.SequenceNode) else None
+        if entry is None:
             break
-        line, node = found[0].start_mark.line + 1, found[1]
+        line, node = entry[0].start_mark.line + 1, entry[1]
     return f", line {line}" if line else ""
 
 
@@ -168,7 +168,7 @@ def _yaml_loader() -> Any:
 
 
 def _value_count(node: Any, known: dict[int, int]) -> int:
-    """Number of values of a YAML node, those of aliases included."""
+    """Number of values of a YAML node, with the values that aliases repeat."""
     if isinstance(node.value, str):
         return 1
     if id(node) not in known:

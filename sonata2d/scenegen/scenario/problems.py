@@ -53,7 +53,7 @@ def problem_of(settings: dict[str, Any], error: ValidationError) -> tuple[list[i
         hint = did_you_mean(str(value), re.findall(r"'([^']*)'", first["ctx"]["expected"]))
     key_path = f"{one_line('.'.join(map(str, keys)), 200)}: " if keys else ""
     got = f" (got {shown(value)})" if first["type"] not in ("unknown_key", "missing") and keys else ""
-    # errors at the same place are those of the other members of a union
+    # errors at the same place come from the other members of a union
     places = (_follow(settings, other["loc"])[0] for other in others)
     further = sorted({".".join(map(str, place)) for place in places if place[: len(keys)] != keys})
     more = f" (and more in {one_line(', '.join(further), 100)})" if further else ""
