@@ -18,8 +18,8 @@ import numpy as np
 
 import sonata2d as s2
 from sonata2d.core.geometry import inside_polygon, segment_distances, shoulder_line_distances, shoulder_lines
-from sonata2d.core.humans import ACTIVITIES
 from sonata2d.core.proxemics import clearances, obstacle_clearance
+from sonata2d.core.relations import ACTIVITIES
 from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import ControllerInfo, Frame, Outcome, Snapshot

@@ -117,6 +117,7 @@ def _plugins() -> dict[str, Finding]:
         (registry.ROOM_KINDS, load_room_kind),
         (registry.QUESTION_KINDS, question_kind),
         (registry.OBSERVATION_PARTS, _load_part),
+        (registry.FURNITURE_TYPES, registry.furniture_type),
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PluginWarning)  # the findings say the same

@@ -8,10 +8,11 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from sonata2d.core.entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, Furniture, Goal, Human, Interaction, Robot
+from sonata2d.core.entities import Furniture, Goal, Human, Interaction, Robot
+from sonata2d.core.furniture_types import BUILT_IN
 from sonata2d.core.geometry import Pose
 from sonata2d.core.scene import Scene
-from sonata2d.scenegen.scenario.sections import SIZES, shape_of_size
+from sonata2d.scenegen.pieces import shape_of_size
 from sonata2d.view.brush import Brush
 from sonata2d.view.canvas import PixelCanvas
 from sonata2d.view.furniture import half_size
@@ -26,21 +27,25 @@ SCALE, SPACE = 105.0, 1.5  # px/m; m between the centres of two pieces
 LOW, HIGH = -1.0, 0.82  # m, lower and upper edge of the picture
 AXIS = 0.45  # m beyond the outline
 STAND = 0.45  # m, from the outline of a piece to a person who attends to it
-ATTENDED = {"laptop": AT_LAPTOP, "plant": AT_PLANT, "shelf": AT_OBJECT, "tv": AT_OBJECT}
 
 
 def main(folder: Path) -> None:
     """Draw the picture."""
     folder.mkdir(parents=True, exist_ok=True)
-    furniture = [Furniture(k, kind, Pose(SPACE * k, 0.0), shape_of_size(SIZES[kind])) for k, kind in enumerate(SIZES)]
+    furniture = [
+        Furniture(k, kind.name, Pose(SPACE * k, 0.0), shape_of_size(kind.size))
+        for k, kind in enumerate(BUILT_IN)
+        if kind.size is not None
+    ]
+    attended = {kind.name: kind.relation for kind in BUILT_IN if kind.relation is not None}
     left, right = -SPACE / 2, SPACE * (len(furniture) - 0.5)
     people = [
         Human(10 + item.id, Pose(item.pose.x, -half_size(item)[1] - STAND, 1.5708), 0.16)
         for item in furniture
-        if item.type in ATTENDED
+        if item.type in attended
     ]
     interactions = tuple(
-        Interaction(10 + item.id, ATTENDED[item.type], item.id) for item in furniture if item.type in ATTENDED
+        Interaction(10 + item.id, attended[item.type], item.id) for item in furniture if item.type in attended
     )
     corners = ((left, LOW), (right, LOW), (right, HIGH), (left, HIGH))
     # the robot and the goal are not part of the picture

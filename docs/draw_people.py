@@ -13,19 +13,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from sonata2d import Controller, Episode, EpisodeRecorder, Twist, generate, load_scenario
-from sonata2d.core.entities import (
-    TALKING,
-    WALKING_TOGETHER,
-    Furniture,
-    Goal,
-    Group,
-    Human,
-    Interaction,
-    Reaction,
-    Robot,
-    Wall,
-)
+from sonata2d.core.entities import Furniture, Goal, Group, Human, Interaction, Reaction, Robot, Wall
 from sonata2d.core.geometry import Disc, Point, Pose, Rectangle
+from sonata2d.core.relations import TALKING, WALKING_TOGETHER
 from sonata2d.core.scene import Rules, Scene, Social
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.view.film import save_film

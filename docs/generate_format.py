@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from sonata2d.core.entities import Limits
-from sonata2d.core.humans import ACTIVITIES
+from sonata2d.core.furniture_types import BUILT_IN, FurnitureType
 from sonata2d.core.labels import LabelSpec
+from sonata2d.core.relations import ACTIVITIES, ACTIVITY, RELATION
 from sonata2d.core.scene import Rules, Social
 from sonata2d.datasets.check.plausibility import MAXIMUM_OVERLAP
 from sonata2d.datasets.manifest import models as manifest_models
@@ -144,8 +145,8 @@ Every key, by section, with its default. A range is `[min, max]`, `{min: 2, max:
 its values are `min` plus multiples of the step. Lengths in m, angles in rad, times in s. Omitted keys keep their
 defaults: write `tables: 0` for no tables.
 
-Fixed furniture has a type listed in `sizes`, or a size of its own. Doorways inside the room are gaps between inner
-`walls`; the `doors`, through which people enter and leave, are in the outline.
+Fixed furniture has one of the types below, or any other name and a size of its own. Doorways inside the room are gaps
+between inner `walls`; the `doors`, through which people enter and leave, are in the outline.
 
 A person who attends to a piece of furniture stands at its right side (-y at theta 0) and faces it. This is also the
 front in pictures of pieces that are longer (x) than wide (y), such as a laptop, a shelf or a TV; give pieces with a
@@ -153,16 +154,34 @@ front such a size. A chair, on which people sit and which nobody attends to, fac
 front.
 
 ![Each type of furniture at theta 0 with its axes and where a person attends to it](images/furniture.png)
+
+| type | key of the number | size, m | people |
+| --- | --- | --- | --- |"""
+
+
+def _furniture_row(kind: FurnitureType) -> str:
+    """The row of a type of furniture in the table of docs/scenario.md."""
+    activity = "sitting" if kind.is_seat else kind.relation and RELATION[kind.relation].activity
+    use = ACTIVITY[activity].text if activity else ""
+    key = f"`{kind.count}`" if kind.count else f"lies on a {kind.on}"
+    size = kind.size if isinstance(kind.size, tuple) else (kind.size,)
+    return f"| `{kind.name}` | {key} | {' × '.join(map(str, size))} | {use} |"
+
+
+SCENARIO_TYPES = """
+[Add a type of furniture](how-to/scenarios.md#add-a-type-of-furniture) explains how a program or a package adds others.
 """
 
 
 def scenario_page() -> str:
     """docs/scenario.md."""
     models = [ScenarioConfig, *dict.fromkeys(filter(_is_section, vars(sections).values())), PersonSpec]
+    types = [*map(_furniture_row, BUILT_IN), SCENARIO_TYPES]
     defaults = ScenarioConfig().settings()
     of_core = {Limits: defaults["robot"]["limits"]}
     of_core |= {Rules: defaults["rules"], Social: defaults["social"], LabelSpec: defaults["label"]}
-    return "\n".join([SCENARIO_INTRO, *map(_settings, models), *(_listed(*section) for section in of_core.items())])
+    tables = [*map(_settings, models), *(_listed(*section) for section in of_core.items())]
+    return "\n".join([SCENARIO_INTRO, *types, *tables])
 
 
 STUDY_INTRO = """\

@@ -2,8 +2,9 @@
 
 These kinds can be extended by other packages, each through an entry-point group: controllers (`sonata2d.controllers`),
 pedestrian models (`sonata2d.pedestrian_models`), formats (`sonata2d.formats`), metrics (`sonata2d.metrics`), room kinds
-(`sonata2d.room_kinds`), question kinds (`sonata2d.question_kinds`) and parts of observations
-(`sonata2d.observation_parts`). CONTRIBUTING.md describes the entry points of each group.
+(`sonata2d.room_kinds`), question kinds (`sonata2d.question_kinds`), parts of observations
+(`sonata2d.observation_parts`) and types of furniture (`sonata2d.furniture_types`). CONTRIBUTING.md describes the entry
+points of each group.
 
 Listing names imports nothing; an object is imported when it is loaded.
 """
@@ -22,6 +23,7 @@ from typing import Any
 
 from .core.code_hash import code_sha256
 from .core.files import interruption
+from .core.furniture_types import BUILT_IN, FurnitureType
 from .core.wording import described, shown
 from .errors import ConfigError, ControllerError, MetricError, PluginWarning, RecordError, Sonata2dError
 
@@ -254,9 +256,56 @@ QUESTION_KINDS = Registry(
 OBSERVATION_PARTS = Registry("observation part", "sonata2d.observation_parts", {}, ConfigError)
 """`sonata2d.gym.parts` adds the built-in ones."""
 
+FURNITURE_TYPES = Registry(
+    "furniture type",
+    "sonata2d.furniture_types",
+    {kind.name: f"sonata2d.core.furniture_types:{kind.name.upper()}" for kind in BUILT_IN},
+    ConfigError,
+)
+
+
+def furniture_type(name: str) -> FurnitureType:
+    """Load a type of furniture by name.
+
+    Returns:
+        The type; for a name that is not registered, such as of a piece that a scenario gives a size, one without rules
+        of its own.
+
+    Raises:
+        ConfigError: the plug-in does not load, or its type has another name.
+    """
+    if name not in FURNITURE_TYPES:
+        return FurnitureType(name)
+    kind: FurnitureType = FURNITURE_TYPES.load(name, _furniture_problem)
+    if kind.name != name:
+        raise ConfigError(f"furniture type {name!r} is named {kind.name!r}; give the entry point the same name")
+    return kind
+
+
+def _furniture_problem(found: object) -> str | None:
+    """Why an object cannot be used as a type of furniture, or None."""
+    if isinstance(found, FurnitureType):
+        return None
+    return "is not a FurnitureType; it must be a sonata2d.FurnitureType(...)"
+
+
+def furniture_types() -> dict[str, FurnitureType]:
+    """All types of furniture by name; a plug-in that does not load is skipped with a `PluginWarning`."""
+    kinds = {kind.name: kind for kind in BUILT_IN}
+    for name in (*FURNITURE_TYPES.plugins, *FURNITURE_TYPES.registered):
+        try:
+            kinds[name] = furniture_type(name)
+        except ConfigError as error:
+            warnings.warn(f"{error}; skipped", PluginWarning, stacklevel=2)
+    return kinds
+
+
 _REGISTRIES = {
     registry.kind: registry
-    for registry in (CONTROLLERS, PEDESTRIAN_MODELS, FORMATS, METRICS, ROOM_KINDS, QUESTION_KINDS, OBSERVATION_PARTS)
+    for registry in (
+        *(CONTROLLERS, PEDESTRIAN_MODELS, FORMATS, METRICS, ROOM_KINDS),
+        *(QUESTION_KINDS, OBSERVATION_PARTS, FURNITURE_TYPES),
+    )
 }
 
 
@@ -308,7 +357,7 @@ def registered_hashes(settings: Any) -> dict[str, str]:
         f"{kind} {name}": code_sha256(found)
         for kind, registry in _REGISTRIES.items()
         for name, found in registry.registered.items()
-        if name in words
+        if not words.isdisjoint((name, getattr(found, "count", name)))  # furniture may be named by its count only
     }
 
 

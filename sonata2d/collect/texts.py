@@ -10,7 +10,7 @@ from typing import Any
 
 from ..core.files.reading import read_at_most
 from ..errors import ConfigError
-from ..registry import did_you_mean
+from ..registry import did_you_mean, furniture_types
 
 _FOLDER = Path(__file__).with_name("languages")
 _ENGLISH = "en"
@@ -24,7 +24,7 @@ def text(key: str, /, **values: object) -> str:
     >>> text("readings.run_of", number=2, count=20)
     'run 2 of 20'
     """
-    template = _chosen.get(key) or table(_ENGLISH)[key]
+    template = _chosen.get(key) or _file(_ENGLISH).get(key) or table(_ENGLISH)[key]
     return template.format(**values) if values else template
 
 
@@ -47,9 +47,19 @@ def choose_language(name: str) -> None:
     _chosen.update(texts)
 
 
-@cache
 def table(language: str) -> dict[str, str]:
-    """All texts of a language that comes with sonata2d, by `section.key`."""
+    """All texts of a language that comes with sonata2d, by `section.key`.
+
+    Types of furniture bring their own; one that has none in the language is called as in English.
+    """
+    kinds = [kind for kind in furniture_types().values() if kind.count]
+    words = {f"scene.{kind.count}": kind.words.get(language, kind.words[_ENGLISH]) for kind in kinds}
+    return words | _file(language)
+
+
+@cache
+def _file(language: str) -> dict[str, str]:
+    """The texts of a language in its file."""
     return _flat(tomllib.loads((_FOLDER / f"{language}.toml").read_text(encoding="utf-8")))
 
 

@@ -20,14 +20,6 @@ Kinematics = Literal["holonomic", "unicycle"]
 EndsOn = Literal["goal", "time", "contact"]
 Formation = Literal["abreast", "v", "face_to_face", "l", "side_by_side", "circle", "semicircle"]
 
-# Relations of interactions: the four of the original toolkit, and one for any other object.
-TALKING = "two_static_person_talking"
-AT_LAPTOP = "human_laptop_interaction"
-AT_PLANT = "human_plant_interaction"
-WALKING_TOGETHER = "wandering_human_interacting"
-AT_OBJECT = "human_object_interaction"
-RELATIONS = (TALKING, AT_LAPTOP, AT_PLANT, WALKING_TOGETHER, AT_OBJECT)
-
 ROBOT_ID = 0
 ANY_HEADING = 3.14  # rad; a goal whose angle tolerance is at least this accepts every heading
 _HALF_BODY = 0.25  # m, from the side of a door to the centre of a pedestrian
@@ -50,11 +42,11 @@ class Furniture:
 
     Attributes:
         id: unique among pedestrians and objects; 0 is the robot.
-        type: table, laptop, plant, chair, shelf, tv, …
+        type: name of its type, such as table, laptop, plant or chair.
         pose: of the centre, world frame.
         shape: solid outline.
         on: id of the object that carries this one; a carried object has no physical body. None: it is on the floor.
-        seat: whether one pedestrian can sit on it, above its centre and facing its front; None: if it is a chair.
+        seat: whether one pedestrian can sit on it, above its centre and facing its front; None: see `is_seat_by_type`.
     """
 
     id: Id
@@ -74,7 +66,7 @@ class Furniture:
     @property
     def is_seat(self) -> bool:
         """Whether pedestrians can sit on it; nothing that another object carries is a seat."""
-        return self.on is None and (self.type == "chair" if self.seat is None else self.seat)
+        return self.on is None and is_seat_by_type(self.type, self.seat)
 
     def approaches(self, clearance: float) -> list[Point]:
         """Where a pedestrian can stand before it sits down, m: in front of the object, to its left, to its right.
@@ -86,6 +78,11 @@ class Furniture:
         half = (shape.radius, shape.radius) if isinstance(shape, Disc) else (shape.length / 2, shape.width / 2)
         ahead, aside = min(half) + clearance, max(half) + clearance
         return [(x + fx * ahead, y + fy * ahead), (x - fy * aside, y + fx * aside), (x + fy * aside, y - fx * aside)]
+
+
+def is_seat_by_type(type: str, seat: bool | None) -> bool:
+    """Whether an object is a seat: as `seat` says; if it is None, as files have it, chairs are the only seats."""
+    return type == "chair" if seat is None else seat
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,7 +269,7 @@ class Interaction:
 
     Attributes:
         src: id of a pedestrian.
-        relation: one of `RELATIONS`.
+        relation: one of `relations.RELATIONS`.
         dst: id of a pedestrian or an object.
     """
 

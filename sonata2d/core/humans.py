@@ -10,26 +10,16 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER, Human, Interaction
+from .entities import Human, Interaction
 from .geometry import Point, Pose
 from .portable_math import Array, IntArray, angle_of, arctan2
+from .relations import ACTIVITIES, ACTIVITY, RELATION, WALKING_TOGETHER
 from .wording import counted
 
 # Columns of the (N, 9) state of the pedestrians, world frame: position, velocity, unit vectors of the body's heading
 # and of the gaze, turn rate. Arrays of bodies that hold position and velocity only have the first four of them.
 X, Y, VX, VY, BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA = range(9)
-# Files list the names in this order: append only.
-ACTIVITIES = ("standing", "walking", "walking together", "talking", "using", "looking", "sitting", "queueing")
-
-_ACTIVITY_OF_RELATION = {
-    TALKING: "talking",
-    WALKING_TOGETHER: "walking together",
-    AT_LAPTOP: "using",
-    AT_PLANT: "looking",
-    AT_OBJECT: "looking",
-}
-_WITHOUT_PARTNER = {"talking": "standing", "walking together": "walking"}
-_ACTIVITY_ALONE = np.array([ACTIVITIES.index(_WITHOUT_PARTNER.get(activity, activity)) for activity in ACTIVITIES])
+_ACTIVITY_ALONE = np.array([ACTIVITIES.index(activity.alone or activity.name) for activity in ACTIVITY.values()])
 
 Values = TypeVar("Values", bound=NDArray[Any])
 
@@ -76,7 +66,7 @@ class Humans:
         radius: (N,), half the depth of each body, m.
         shoulder: (N,), half the length of the shoulder line, m, which lies across the heading; the outline is all
             within the radius of this line. 0 for a disc.
-        activity_index: (N,) of int, into `humans.ACTIVITIES`.
+        activity_index: (N,) of int, into `relations.ACTIVITIES`.
         row: (N,) of int, index of each pedestrian in `scene.humans`; None: all pedestrians are present.
     """
 
@@ -261,5 +251,5 @@ def activity_indices(alone: Mapping[int, str], interactions: Iterable[Interactio
         for id in (interaction.src, interaction.dst):
             # an object has no activity, and a group that pauses does not walk
             if id in alone and (interaction.relation != WALKING_TOGETHER or alone[id] == "walking"):
-                activity[id] = _ACTIVITY_OF_RELATION[interaction.relation]
+                activity[id] = RELATION[interaction.relation].activity
     return frozen(np.array([ACTIVITIES.index(name) for name in activity.values()], dtype=np.int64))

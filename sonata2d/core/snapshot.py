@@ -240,7 +240,7 @@ class CrowdCommands(NamedTuple):
         acceleration: (N, 2), m/s^2, world frame.
         facing: (N, 2), unit vectors of the desired headings of the bodies.
         gaze: (N, 2), unit vectors of the desired gazes.
-        activity: (N,) of int, into `humans.ACTIVITIES`.
+        activity: (N,) of int, into `relations.ACTIVITIES`.
         interactions: current ones, including interactions of absent pedestrians.
         refresh: for a pedestrian model so stiff that it must be evaluated several times in a tick: computes the (N, 2)
             accelerations, m/s^2, from the current (N + 1, 4) rows x, y, vx, vy with the robot last. Else None.

@@ -22,7 +22,7 @@ class State(NamedTuple):
     Attributes:
         row: (13 + 9 N,): the robot's columns above, then for each of the N pedestrians of the scene, present or not,
             the columns of `core.humans`; SI units, world frame.
-        activity: (N,) of int, into `humans.ACTIVITIES`.
+        activity: (N,) of int, into `relations.ACTIVITIES`.
         is_present: (N,) of bool; None: all pedestrians are present.
     """
 

@@ -34,7 +34,7 @@ class Motion:
         robot: (T + 1, 6), columns x, y, theta, vx, vy, omega.
         humans: (T + 1, N, 7), the same columns and head; NaN where not present.
         present: (T + 1, N) of bool.
-        activity: (T + 1, N) of int, index into `humans.ACTIVITIES`; -1 where not present.
+        activity: (T + 1, N) of int, index into `relations.ACTIVITIES`; -1 where not present.
         goal: (T + 1, 3), columns x, y, theta.
         walls: (T + 1, W, 4), columns x1, y1, x2, y2.
         objects: (T + 1, O, 3), columns x, y, theta, in the order of the scene.

@@ -8,8 +8,8 @@ import numpy as np
 
 from ..core.entities import PERSON_RADIUS
 from ..core.geometry import Barriers
-from ..core.humans import ACTIVITIES
 from ..core.portable_math import Array, IntArray
+from ..core.relations import ACTIVITIES
 from ..core.vectors import wrap_angles
 from ..record.canonical import rounded
 
@@ -118,7 +118,7 @@ def activity_of(velocity: Array) -> IntArray:
         velocity: (T, N, 2), m/s; NaN where absent.
 
     Returns:
-        (T, N), indices into `humans.ACTIVITIES`; -1 where absent.
+        (T, N), indices into `relations.ACTIVITIES`; -1 where absent.
     """
     speed = np.hypot(velocity[..., 0], velocity[..., 1])
     activity = np.where(speed > WALKING_SPEED, ACTIVITIES.index("walking"), ACTIVITIES.index("standing"))

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..core.entities import RELATIONS
 from ..core.portable_math import Array, IntArray
+from ..core.relations import RELATIONS
 from ..errors import UnsuitableEpisode as UnsuitableEpisode
 from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord

@@ -11,8 +11,8 @@ import numpy as np
 
 from ..core.entities import Goal, Human, Robot
 from ..core.geometry import PRECISION, Pose
-from ..core.humans import ACTIVITIES
 from ..core.portable_math import Array, IntArray
+from ..core.relations import ACTIVITIES
 from ..core.scene import Rules
 from ..core.vectors import wrap_angles
 from ..record.canonical import rounded, rounded_rows
@@ -41,7 +41,7 @@ class SourceEpisode:
         robot: (T, 6), columns x, y, theta, vx, vy, omega.
         humans: (T, N, 7), the same columns and head; NaN where absent.
         ids, radii: (N,), of the pedestrians; radii in m.
-        activity: (T, N), indices into `humans.ACTIVITIES`; -1 where absent.
+        activity: (T, N), indices into `relations.ACTIVITIES`; -1 where absent.
         interactions: [src, relation, dst] of each frame.
         polygon: (K, 2), corners of the room, counter-clockwise, m.
         walls: (W, 4), x1, y1, x2, y2, m.

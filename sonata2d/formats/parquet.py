@@ -25,7 +25,7 @@ import orjson
 
 from ..core.files.locations import file_names, make_folder
 from ..core.files.whole_file import whole_file
-from ..core.humans import ACTIVITIES
+from ..core.relations import ACTIVITIES
 from ..core.wording import one_line
 from ..errors import RecordError
 from ..record.files import write_atomically

@@ -12,12 +12,12 @@ from ..errors import RecordError, UnsuitableEpisode
 from ..record.canonical import require_finite
 from ..record.layout import HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from ..record.record import EpisodeRecord
+from ..registry import furniture_type
 from .format import Format, Options, exact_stamps, header_of, require_duration, require_even_times, require_robot
 from .occupancy import occupancy_grid
 from .socnav3_import import EXTRAS, NAME, import_
 
 TYPES = ("chair", "table", "plant", "tv", "shelf", "floor_lamp")
-BODILESS = "laptop"  # the only other type that may be left out: nothing collides with it
 ANY_TYPE = "*"  # key of `Options.types` for all types of solid objects that have no key of their own
 # The loader of the format requires a context that is a row of its table; this row states as little as possible.
 DEFAULT_CONTEXT = "A robot is performing routine tasks in a home."
@@ -67,8 +67,13 @@ def _written_type(thing: Furniture, options: Options) -> str | None:
     """The type under which an object is written; None: it is not written."""
     if thing.type in TYPES:
         return thing.type
-    is_solid = thing.type != BODILESS and thing.on is None
-    return options.types.get(thing.type, options.types.get(ANY_TYPE) if is_solid else None)
+    name = options.types.get(thing.type) or furniture_type(thing.type).names.get(NAME)
+    return name or (options.types.get(ANY_TYPE) if _must_be_written(thing) else None)
+
+
+def _must_be_written(thing: Furniture) -> bool:
+    """Whether readers would take the place of an object for free; nothing collides with a laptop, on a table or not."""
+    return thing.on is None and furniture_type(thing.type).on is None
 
 
 def _check_exportable(record: EpisodeRecord, options: Options) -> None:
@@ -89,7 +94,7 @@ def _check_exportable(record: EpisodeRecord, options: Options) -> None:
     present_rows = np.where(states.present[..., None], states.humans, 0.0)
     require_finite(present_rows, HUMAN_NAMES, "human", record.scene().human_table.id.tolist())
     for thing in record.scene().furniture:
-        if _written_type(thing, options) is None and thing.type != BODILESS and thing.on is None:
+        if _written_type(thing, options) is None and _must_be_written(thing):
             raise UnsuitableEpisode(
                 record.path,
                 f"object {thing.id} is of type {thing.type!r}, but {NAME} only has {', '.join(TYPES)}; without the"

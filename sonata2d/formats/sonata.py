@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import orjson
 
-from ..core.entities import AT_LAPTOP, AT_PLANT, RELATIONS
+from ..core.furniture_types import LAPTOP, PLANT
 from ..core.geometry import Disc, Shape
-from ..core.humans import ACTIVITIES
 from ..core.portable_math import Array, IntArray
+from ..core.relations import ACTIVITIES, AT_LAPTOP, ORIGINAL_RELATIONS, RELATION, RELATIONS
 from ..core.scene import Scene
 from ..errors import RecordError
 from ..record.canonical import rounded, rounded_rows
@@ -39,7 +39,6 @@ from .importing import load_json, numbers, parsing, table
 NAME = "sonata"
 _ADVANCE, _ROTATION = 3.5, 4.0  # joystick values at full deflection
 _MINIMUM_DURATION = 2.0  # s; readers make no graph of a shorter file, and stop if it is the only one
-_ORIGINAL_RELATIONS = RELATIONS[:4]
 _EPOCH = 1_595_000_000.0  # s since 1970, July 2020: nominal start of the original's first episode
 _EPISODE_OFFSET = 3600.0  # s between the nominal starts of episodes
 _PERIOD = 0.1  # s; the original saved a frame when more time than this had passed
@@ -98,7 +97,7 @@ def _check_exportable(record: EpisodeRecord, options: Options) -> None:
     require_all_present(record, NAME)
     require_consecutive_ids(record, NAME)
     require_even_times(record, NAME)
-    require_known_relations(record, NAME, _ORIGINAL_RELATIONS if options.original else RELATIONS)
+    require_known_relations(record, NAME, ORIGINAL_RELATIONS if options.original else RELATIONS)
 
 
 def _nominal_start(record: EpisodeRecord) -> float:
@@ -236,7 +235,7 @@ _MISSING = (
     "goal.distance", "goal.angle",
 )  # fmt: skip
 _DERIVED = ("frames.robot", "frames.humans", "frames.activity", "room.polygon")
-_ACTIVITY_OF = {RELATIONS[0]: "talking", AT_LAPTOP: "using", AT_PLANT: "looking", RELATIONS[3]: "walking together"}
+_TYPE_OF = {kind.relation: kind.on or kind.name for kind in (LAPTOP, PLANT)}  # a laptop stands for its table
 
 
 def import_(path: Path, options: Options) -> Iterator[JsonDict]:
@@ -374,7 +373,7 @@ def _activity(humans: Array, ids: list[int], interactions: list[list[list[Any]]]
     activity = estimates.activity_of(humans[..., VELOCITY])
     for t, rows in enumerate(interactions):
         for src, relation, dst in rows:
-            index = ACTIVITIES.index(_ACTIVITY_OF.get(relation, "looking"))
+            index = ACTIVITIES.index(RELATION[relation].activity)
             for id in {src, dst} & set(ids):
                 activity[t, ids.index(id)] = index
     return activity
@@ -382,8 +381,7 @@ def _activity(humans: Array, ids: list[int], interactions: list[list[list[Any]]]
 
 def _objects(frame: JsonDict, ids: list[int], poses: Array) -> list[JsonDict]:
     """The objects at their first poses; their types follow from the interactions with them."""
-    types = {row["dst"]: "plant" for row in frame["interaction"] if row["relation"] == AT_PLANT}
-    types |= {row["dst"]: "table" for row in frame["interaction"] if row["relation"] == AT_LAPTOP}
+    types = {row["dst"]: _TYPE_OF[row["relation"]] for row in frame["interaction"] if row["relation"] in _TYPE_OF}
     by_id = {thing["id"]: thing for thing in frame["objects"]}
     sizes = rounded(numbers([by_id[id] for id in ids], ("size_x", "size_y"), "objects")).tolist()
     placed = rounded_rows(poses, [THETA]).tolist()

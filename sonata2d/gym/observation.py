@@ -12,9 +12,10 @@ from gymnasium import spaces
 from ..core.compiled.kernel import kernel, subroutine
 from ..core.compiled.packing import Floats2, Ints, Ints2, Packed, unpack
 from ..core.compiled.scalar import length, to_line
-from ..core.entities import RELATIONS, Interaction
+from ..core.entities import Interaction
 from ..core.humans import X, Y
 from ..core.portable_math import Array, BoolArray, IntArray
+from ..core.relations import RELATIONS
 from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
@@ -73,8 +74,8 @@ class Sizes:
         humans = sum(count.max for count in drawn if count is not None) + 2 * pairs + _members(config)
         humans += attending + config.seated.max + len(config.people) + sum(queue.waiting.max for queue in config.queues)
         humans += _VISITORS if any(door.inflow > 0.0 for door in config.doors) else 0
-        tables = config.tables.max * (2 if config.laptops_on_tables else 1)
-        objects = tables + config.plants.max + config.chairs.max + config.shelves.max + config.tvs.max
+        laptops = config.tables.max if config.laptops_on_tables else 0
+        objects = sum(count.max for count in config.counts.values()) + laptops
         objects += 2 * attending + len(config.furniture)  # a laptop comes with a table
         group = config.groups.talking_size.max
         together = (

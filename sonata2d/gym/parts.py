@@ -19,22 +19,22 @@ from numpy.typing import NDArray
 
 from ..core.compiled.kernel import kernel, subroutine
 from ..core.compiled.scalar import clipped
-from ..core.entities import RELATIONS, Furniture
+from ..core.entities import Furniture
+from ..core.furniture_types import OBJECT_TYPES
 from ..core.geometry import Disc
-from ..core.humans import ACTIVITIES, BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, X, Y
+from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, X, Y
 from ..core.portable_math import Array, IntArray
+from ..core.relations import ACTIVITIES, RELATIONS
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..core.state import HUMAN_SIZE, ROBOT_SIZE
-from ..registry import OBSERVATION_PARTS
-from ..scenegen.scenario.sections import SIZES
+from ..registry import OBSERVATION_PARTS, furniture_type
 
 _ENTITIES = frozenset({"robot", "goal", "humans", "objects", "walls"})
 Floats32 = NDArray[np.float32]
 Observation = dict[str, NDArray[Any]]
 
 FARTHEST, FASTEST, FASTEST_TURN = 100.0, 20.0, 20.0  # m, m/s, rad/s: bounds of the spaces, to which values are clipped
-OBJECT_TYPES = (*SIZES, "other")
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,8 +322,7 @@ class ObjectTypes(SnapshotPart):
     columns = (Column("type", values=OBJECT_TYPES),)
 
     def begin(self, scene: Scene) -> None:
-        types = [piece.type if piece.type in OBJECT_TYPES else "other" for piece in scene.furniture]
-        self._types = np.array([OBJECT_TYPES.index(name) for name in types], dtype=np.int64)
+        self._types = np.array([furniture_type(piece.type).number for piece in scene.furniture], dtype=np.int64)
 
     def fill(self, snapshot: Snapshot, rows: Rows, out: NDArray[Any]) -> None:
         _pick(self._types, rows.objects, out)

@@ -19,12 +19,12 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 from gymnasium.wrappers import NormalizeObservation
 
-from ..core.entities import RELATIONS
-from ..core.humans import ACTIVITIES
+from ..core.furniture_types import OBJECT_TYPES
 from ..core.portable_math import PI, unit_vectors
+from ..core.relations import ACTIVITIES, RELATIONS
 from ..registry import did_you_mean
 from .env import SocialNavEnv, base_of, wrappers_of
-from .parts import FARTHEST, OBJECT_TYPES, STANDARD, Floats32, Observation, Table
+from .parts import FARTHEST, STANDARD, Floats32, Observation, Table
 from .sensing import measure_ranges, visible
 
 Env = gymnasium.Env[Any, Any]

@@ -47,7 +47,7 @@ class States:
         robot: (T + 1, 6), columns x, y, theta, vx, vy, omega; SI units, world frame.
         humans: (T + 1, N, 7), columns x, y, theta, vx, vy, omega, head; SI units, world frame; NaN where not present.
         present: (T + 1, N) of bool.
-        activity: (T + 1, N) of int, into `humans.ACTIVITIES`; -1 where not present.
+        activity: (T + 1, N) of int, into `relations.ACTIVITIES`; -1 where not present.
     """
 
     tick: IntArray
@@ -234,7 +234,7 @@ class EpisodeRecord(Drawable):
 
     @property
     def activity(self) -> IntArray:
-        """(T, N) of int, into `humans.ACTIVITIES`; -1 where not present."""
+        """(T, N) of int, into `relations.ACTIVITIES`; -1 where not present."""
         return self.states.activity[:-1]
 
     @property

@@ -12,8 +12,8 @@ import orjson
 
 from ..core.files.locations import location
 from ..core.geometry import PRECISION, quantised
-from ..core.humans import ACTIVITIES
 from ..core.labels import LabelSpec
+from ..core.relations import ACTIVITIES
 from ..core.scene import Scene
 from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot, Status
 from ..core.wording import counted

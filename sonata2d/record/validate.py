@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import orjson
 
-from ..core.entities import RELATIONS, ROBOT_ID
-from ..core.humans import ACTIVITIES
+from ..core.entities import ROBOT_ID, is_seat_by_type
 from ..core.labels import LabelSpec
+from ..core.relations import ACTIVITIES, RELATIONS
 from ..core.scene import Scene
 from ..core.wording import shown
 from ..errors import InvalidFileError, RecordError
@@ -132,7 +132,8 @@ def _id_findings(document: JsonDict) -> Iterator[Finding]:
 
 def _start_findings(document: JsonDict, queue_ids: set[int]) -> Iterator[Finding]:
     """People must start on existing seats, one on each, and in existing queues."""
-    seat_ids = {thing["id"] for thing in document["objects"] if thing["on"] is None and _is_seat(thing)}
+    things = (thing for thing in document["objects"] if thing["on"] is None)
+    seat_ids = {thing["id"] for thing in things if is_seat_by_type(thing["type"], thing["seat"])}
     for human in document["humans"]:
         seat, queue = human["seat"], human["queue"]
         if seat is not None and seat not in seat_ids:
@@ -145,12 +146,6 @@ def _start_findings(document: JsonDict, queue_ids: set[int]) -> Iterator[Finding
     for seat, count in seats.items():
         if count > 1:
             yield "humans", f"{count} people sit on object {seat}"
-
-
-def _is_seat(thing: JsonDict) -> bool:
-    """Whether pedestrians can sit on an object, see `Furniture.is_seat`."""
-    seat = thing["seat"]
-    return bool(thing["type"] == "chair" if seat is None else seat)
 
 
 def _activity_findings(names: list[str]) -> Iterator[Finding]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +15,10 @@ from ..core.rng import RandomStream
 from ..core.scene import Scene, standing_throughout
 from ..errors import SceneError
 from .floor_plans import FloorPlan, draw_floor_plan
+from .human_sampling import ReactionSampler
 from .journeys import Journeys, plan_journeys, with_visitors
+from .numbering import number_entities, ordered_entities
+from .pieces import fixed_furniture
 from .placed import (
     apply_jitter,
     check_goals,
@@ -27,15 +29,7 @@ from .placed import (
 )
 from .placement import Layout, cluster_radius
 from .robot_task import draw_robot_task, reserved_outlines
-from .sampling import (
-    EntityCluster,
-    Manners,
-    fixed_furniture,
-    number_entities,
-    ordered_entities,
-    sample_entities,
-    shape_of,
-)
+from .sampling import EntityCluster, sample_entities, shape_of
 from .scenario.config import ScenarioConfig
 from .scenario.load import scenario_of
 
@@ -67,24 +61,24 @@ def generate(config: str | Path | ScenarioConfig, seed: int = 0, episode: int = 
     config = scenario_of(config)
     seed, episode = whole_number("seed", seed), whole_number("episode", episode)
     rng = RandomStream(seed, episode, "scene")
-    plan, given = draw_floor_plan(config.room, rng), config
+    plan, scenario = draw_floor_plan(config.room, rng), config
     if config.flip and rng.uniform() < config.flip:
-        plan, given = plan.mirrored(), mirror_config(config)
-    fixed = fixed_furniture(given)
+        plan, scenario = plan.mirrored(), mirror_config(config)
+    fixed = fixed_furniture(scenario)
     _check_furniture(fixed, plan)
     furniture = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
-    own_rng = RandomStream(seed, episode, "journeys")  # so that scenes without journeys stay the same
-    journeys = plan_journeys(given, plan, reserved_outlines(given) + furniture, own_rng)
-    clusters = sample_entities(given, rng)
-    manners = Manners(config.person, seed, episode)
-    scene = None
-    for _ in range(config.max_layouts - 1):
-        with suppress(SceneError):
-            scene = _try_layout(given, plan, fixed, clusters, journeys, manners, rng)
+    journey_rng = RandomStream(seed, episode, "journeys")  # so that scenes without journeys stay the same
+    journeys = plan_journeys(scenario, plan, reserved_outlines(scenario) + furniture, journey_rng)
+    clusters = sample_entities(scenario, rng)
+    reactions = ReactionSampler(config.person, seed, episode)
+    for attempt in range(1, config.max_layouts + 1):
+        try:
+            scene = _try_layout(scenario, plan, fixed, clusters, journeys, reactions, rng)
             break
-    if scene is None:
-        scene = _try_layout(given, plan, fixed, clusters, journeys, manners, rng)  # the last error is raised
-    scene = with_visitors(scene, given, journeys, manners, own_rng)
+        except SceneError:
+            if attempt == config.max_layouts:
+                raise
+    scene = with_visitors(scene, scenario, journeys, reactions, journey_rng)
     return replace(scene, seed=seed, episode=episode, settings=config.settings())
 
 
@@ -101,7 +95,7 @@ def _try_layout(
     fixed: tuple[Furniture, ...],
     clusters: list[EntityCluster],
     journeys: Journeys,
-    manners: Manners,
+    reactions: ReactionSampler,
     rng: RandomStream,
 ) -> Scene:
     """Draw poses once for everything: given pedestrians, then clusters, then the robot and its goal.
@@ -112,11 +106,11 @@ def _try_layout(
         SceneError: something has no space.
     """
     config = apply_jitter(config, rng)
-    given = create_placed_entities(config.people, config.person, config.rules.dt, rng)
-    check_placed_positions(given, plan.outline, config.robot.pose and Pose(*config.robot.pose), config.robot.radius)
+    people = create_placed_entities(config.people, config.person, config.rules.dt, rng)
+    check_placed_positions(people, plan.outline, config.robot.pose and Pose(*config.robot.pose), config.robot.radius)
     furniture_outlines = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
     layout = Layout(plan, config, reserved_outlines(config), furniture_outlines)
-    place_given(config, given, layout, fixed)
+    place_given(config, people, layout, fixed)
     layout.occupy(list(journeys.zones))
     placed: dict[int, list[Pose]] = {}
     for k in sorted(range(len(clusters)), key=lambda k: (clusters[k].fixed is None, -cluster_radius(clusters[k]))):
@@ -127,23 +121,24 @@ def _try_layout(
             raise SceneError(_no_space_message(clusters, k, plan, config.max_attempts))
     drawn = [(clusters[k], placed[k]) for k in sorted(placed)]
     humans, furniture = ordered_entities(drawn, fixed)
-    obstacles = _obstacles(plan, humans.values(), furniture.values()).joined(standing_throughout(given.humans))
+    obstacles = _obstacles(plan, humans.values(), furniture.values()).joined(standing_throughout(people.humans))
     robot, goal = draw_robot_task(config, layout, obstacles, rng)
     # The given pedestrians are the first ones; drawn entities get the ids that these leave free.
-    taken, taken_groups = {human.id for human in given.humans}, {group.id for group in given.groups}
-    entities = number_entities(drawn, humans, furniture, taken, taken_groups, manners)
-    people = zip(given.humans, config.people, strict=True)
+    taken, taken_groups = {human.id for human in people.humans}, {group.id for group in people.groups}
+    entities = number_entities([cluster for cluster, _ in drawn], humans, furniture, taken, taken_groups, reactions)
+    persons = zip(people.humans, config.people, strict=True)
+    listed = [reactions.assign(human, person.reaction) for human, person in persons]
     scene = Scene(
         name=config.name,
         family=f"{config.name}/{plan.kind}",
         polygon=plan.polygon,
         walls=plan.walls,
         furniture=entities.furniture,
-        humans=(*(manners.given_to(human, person.reaction) for human, person in people), *entities.humans),
+        humans=(*listed, *entities.humans),
         robot=robot,
         goal=goal,
-        groups=(*given.groups, *entities.groups),
-        interactions=(*given.interactions, *entities.interactions),
+        groups=(*people.groups, *entities.groups),
+        interactions=(*people.interactions, *entities.interactions),
         rules=config.rules,
         social=config.social,
         dropped=tuple(_label(clusters, k) for k in range(len(clusters)) if k not in placed),
@@ -151,16 +146,14 @@ def _try_layout(
         queues=journeys.queues,
         places=journeys.places,
     )
-    check_goals(scene, given.humans)
+    check_goals(scene, people.humans)
     return scene
 
 
-def _obstacles(
-    plan: FloorPlan, humans: Iterable[tuple[Human, Pose]], furniture: Iterable[tuple[Furniture, Pose]]
-) -> Barriers:
+def _obstacles(plan: FloorPlan, humans: Iterable[Human], furniture: Iterable[Furniture]) -> Barriers:
     """Return walls, furniture on the floor and standing pedestrians: what the robot must avoid."""
-    edges = [edge for piece, pose in furniture if piece.on is None for edge in piece.shape.edges(pose)]
-    edges += [edge for human, pose in humans if human.behaviour == "standing" for edge in shape_of(human).edges(pose)]
+    edges = [edge for piece in furniture if piece.on is None for edge in piece.shape.edges(piece.pose)]
+    edges += [edge for human in humans if human.behaviour == "standing" for edge in shape_of(human).edges(human.pose)]
     return plan.barriers.joined(Barriers.of(edges))
 
 

@@ -8,18 +8,20 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..core.entities import WALKING_TOGETHER, Door, Group, Human, Interaction, Place, Queue
+from ..core.entities import Door, Group, Human, Interaction, Place, Queue
 from ..core.geometry import Disc, Point, Pose, Rectangle, canonical_angle, inside_polygon, quantised
 from ..core.navigation import FreeSpace
 from ..core.outlines import COLUMNS, outline_row
 from ..core.portable_math import PI, angle_of
+from ..core.relations import WALKING_TOGETHER
 from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..core.vectors import length
 from ..errors import SceneError
 from .floor_plans import FloorPlan
+from .human_sampling import ReactionSampler, draw_human
+from .numbering import free_ids
 from .placement import PlacedShape
-from .sampling import Manners, draw_human, free_ids
 from .scenario.config import ScenarioConfig
 from .scenario.sections import DoorConfig, QueueConfig
 
@@ -147,15 +149,15 @@ def _pose_on(start: Point, end: Point, along: float) -> Pose:
 
 def _nearest_on_outline(point: Point, width: float, plan: FloorPlan) -> Pose | None:
     """The place for the middle of a door that is nearest to a point; None if no wall is long enough."""
-    found: list[tuple[float, Pose]] = []
+    candidates: list[tuple[float, Pose]] = []
     for start, end, size in _edges(plan):
         margin = width / 2 + _JAMB
         if size >= 2 * margin:
             dx, dy = (end[0] - start[0]) / size, (end[1] - start[1]) / size
             along = (point[0] - start[0]) * dx + (point[1] - start[1]) * dy
             pose = _pose_on(start, end, min(max(along, margin), size - margin))
-            found.append((length(pose.x - point[0], pose.y - point[1]), pose))
-    return min(found, key=lambda item: item[0])[1] if found else None
+            candidates.append((length(pose.x - point[0], pose.y - point[1]), pose))
+    return min(candidates, key=lambda item: item[0])[1] if candidates else None
 
 
 def _fits(door: Door, plan: FloorPlan, others: Sequence[Door], taken: Sequence[PlacedShape]) -> bool:
@@ -202,20 +204,20 @@ def _place_queue(
 
     people = "1 person" if waiting < 2 else f"{waiting} people"
     if config.x is not None and config.y is not None:
-        given = queue_at(Pose(config.x, config.y, config.theta))
-        if given is None:
+        queue = queue_at(Pose(config.x, config.y, config.theta))
+        if queue is None:
             raise SceneError(
                 f"the queue at ({config.x:g}, {config.y:g}) has no space for {people}; move it, or turn it (theta)"
             )
-        return given
+        return queue
     best: Queue | None = None
     for _ in range(attempts):
         start, end, size = rng.choice(walls := _edges(plan), [wall[2] for wall in walls])
         wall = _pose_on(start, end, rng.uniform(0.0, size))
         x, y = wall.to_world((_WALL_GAP, 0.0))
-        found = queue_at(Pose(x, y, wall.theta + PI))
-        if found is not None and (best is None or found.capacity > best.capacity):
-            best = found
+        queue = queue_at(Pose(x, y, wall.theta + PI))
+        if queue is not None and (best is None or queue.capacity > best.capacity):
+            best = queue
         if best is not None and best.capacity == config.capacity:
             return best
     if best is None:
@@ -236,7 +238,7 @@ def _queue_zone(queue: Queue) -> PlacedShape:
 
 
 def with_visitors(
-    scene: Scene, config: ScenarioConfig, journeys: Journeys, manners: Manners, rng: RandomStream
+    scene: Scene, config: ScenarioConfig, journeys: Journeys, reactions: ReactionSampler, rng: RandomStream
 ) -> Scene:
     """Add the pedestrians that sit or wait at the start, and those that enter through doors.
 
@@ -244,7 +246,7 @@ def with_visitors(
         scene: with everything else.
         config: its sections `doors` and `person`, and `seated`.
         journeys: of the scene.
-        manners: reactions to the robot by id.
+        reactions: to the robot, by id.
         rng: random stream of the journeys.
     """
     visitors = [*_seated(scene, config, rng), *_waiting(config, journeys, rng)]
@@ -256,7 +258,7 @@ def with_visitors(
     for party in parties:
         members = tuple(next(ids) for _ in party)
         group = next(group_ids) if len(party) > 1 else None
-        humans += [manners.given_to(h, id=id, group=group) for h, id in zip(party, members, strict=True)]
+        humans += [reactions.assign(h, id=id, group=group) for h, id in zip(party, members, strict=True)]
         if group is not None:
             groups.append(Group(group, "walking", members))
             interactions.append(Interaction(members[0], WALKING_TOGETHER, members[1]))

@@ -8,20 +8,22 @@ from itertools import combinations
 
 import numpy as np
 
-from ..core.entities import TALKING, WALKING_TOGETHER, Furniture, Group, Human, Interaction
+from ..core.entities import Furniture, Group, Human, Interaction
 from ..core.files.limits import MAX_TRACK_POINTS
 from ..core.geometry import Disc, Point, Pose, canonical_angle, inside_polygon, quantised
 from ..core.navigation import FreeSpace
 from ..core.outlines import outline_row, shape_gap
 from ..core.portable_math import PI, Array, angle_of
+from ..core.relations import TALKING, WALKING_TOGETHER
 from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..errors import SceneError
+from .pieces import faces_ahead
 from .placement import Layout
 from .scenario.base import Jitter
 from .scenario.config import ScenarioConfig
 from .scenario.people import PersonSpec, Track
-from .scenario.sections import FurnitureConfig, PersonConfig
+from .scenario.sections import PersonConfig
 
 _SLOW = 0.1  # m/s, below which a velocity does not determine where a pedestrian faces
 _TOLERANCE = 1e-6  # ticks, rounding error of a time divided by the tick
@@ -72,7 +74,7 @@ def mirror_config(config: ScenarioConfig) -> ScenarioConfig:
     goal_position = None if goal.position is None else _mirror_point(goal.position)
     # the front of furniture is its -y side, so that its mirror image is turned by pi - theta, not by -theta as a chair
     furniture = (
-        p.model_copy(update={"y": -p.y, "theta": -p.theta if _faces_ahead(p, config) else PI - p.theta})
+        p.model_copy(update={"y": -p.y, "theta": -p.theta if faces_ahead(config, p) else PI - p.theta})
         for p in config.furniture
     )
     return config.model_copy(
@@ -89,13 +91,6 @@ def mirror_config(config: ScenarioConfig) -> ScenarioConfig:
             "groups": groups.model_copy(update={"places": tuple(_mirror_point(place) for place in groups.places)}),
         }
     )
-
-
-def _faces_ahead(piece: FurnitureConfig, config: ScenarioConfig) -> bool:
-    """Whether the front of a piece is its +x side: that of a seat that is not longer than wide."""
-    size = piece.size or config.sizes[piece.type]
-    is_seat = piece.type == "chair" if piece.seat is None else piece.seat
-    return is_seat and not (isinstance(size, tuple) and size[0] > size[1])
 
 
 def _mirror_person(person: PersonSpec) -> PersonSpec:
@@ -277,8 +272,8 @@ def resample_track(track: Track, dt: float) -> tuple[int, list[Point]]:
 def _slope(track: Track, k: int) -> Point:
     """Return the velocity at a track point, m/s.
 
-    It is that of the parabola through the point and its two neighbours; at both ends, that of the straight line to the
-    only neighbour.
+    The slope of the parabola through the point and its two neighbours; at both ends, the slope of the straight line to
+    the only neighbour.
     """
     if k == 0 or k == len(track) - 1:
         (t0, x0, y0), (t1, x1, y1) = track[max(k - 1, 0)], track[min(k + 1, len(track) - 1)]
@@ -322,14 +317,14 @@ def check_placed_positions(placed: PlacedEntities, outline: Array, robot: Pose |
     """
     if not placed.humans:
         return
-    given = [point for human in placed.humans for point in (human.pose.position, *human.track, *human.goals)]
-    is_inside = iter(inside_polygon(np.array(given, dtype=float).reshape(-1, 2), outline).tolist())
+    points = [point for human in placed.humans for point in (human.pose.position, *human.track, *human.goals)]
+    is_inside = iter(inside_polygon(np.array(points, dtype=float).reshape(-1, 2), outline).tolist())
     for human in placed.humans:
-        for what, points in (("start", [human.pose.position]), ("track", human.track), ("goal", human.goals)):
-            for x, y in points:
+        for name, places in (("start", [human.pose.position]), ("track", human.track), ("goal", human.goals)):
+            for x, y in places:
                 if not next(is_inside):
                     raise SceneError(
-                        f"the {what} of person {human.id} is outside the room at ({x:g}, {y:g}); move it, or widen the "
+                        f"the {name} of person {human.id} is outside the room at ({x:g}, {y:g}); move it, or widen the "
                         "room"
                     )
         if robot is not None and human.enters == 0:
@@ -384,7 +379,7 @@ def _fits(person: PersonSpec, human: Human, layout: Layout) -> bool:
 def check_goals(scene: Scene, humans: tuple[Human, ...]) -> None:
     """Check that the given pedestrians can reach their goals.
 
-    Paths of those that leave at their last goal are not checked: recorded people leave through doors that their scene
+    Paths of people who leave at their last goal are not checked: recorded people leave through doors that their scene
     lacks.
 
     Args:
@@ -402,12 +397,12 @@ def check_goals(scene: Scene, humans: tuple[Human, ...]) -> None:
     widest = FreeSpace(scene.outline, scene.barriers, max(human.radius for human in staying) + _SQUEEZE)
     for human in staying:
         gaps = scene.barriers.gaps(np.array(human.goals)).min(axis=0)
-        own = FreeSpace(scene.outline, scene.barriers, human.radius + _SQUEEZE)
+        narrow = FreeSpace(scene.outline, scene.barriers, human.radius + _SQUEEZE)
         for (x, y), (u, v), gap in zip([human.pose.position, *human.goals], human.goals, gaps.tolist(), strict=False):
             if gap < _POINT_RADIUS:
                 raise SceneError(f"the goal ({u:g}, {v:g}) of person {human.id} is in a wall; move it")
             # one space for all is faster where the widest body passes
-            if widest.path((x, y), (u, v)) is None and own.path((x, y), (u, v)) is None:
+            if widest.path((x, y), (u, v)) is None and narrow.path((x, y), (u, v)) is None:
                 raise SceneError(
                     f"person {human.id} cannot walk from ({x:g}, {y:g}) to its goal ({u:g}, {v:g}): no way is wide "
                     f"enough for its body, which is {2.0 * human.radius:.2g} m deep; widen a gap, or move the goal"
@@ -416,11 +411,11 @@ def check_goals(scene: Scene, humans: tuple[Human, ...]) -> None:
 
 def _check_furniture(humans: list[Human], furniture: tuple[Furniture, ...]) -> None:
     for human in humans:
-        for what, (x, y) in [("start", human.pose.position), *(("goal", goal) for goal in human.goals)]:
+        for name, (x, y) in [("start", human.pose.position), *(("goal", goal) for goal in human.goals)]:
             piece = _piece_at((x, y), furniture)
             if piece is not None:
                 raise SceneError(
-                    f"the {what} ({x:g}, {y:g}) of person {human.id} is in {_described(piece)}; move one of them"
+                    f"the {name} ({x:g}, {y:g}) of person {human.id} is in {_described(piece)}; move one of them"
                 )
 
 

@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
-from ..core.entities import TALKING, Furniture, Human
+from ..core.entities import Furniture, Human
 from ..core.geometry import Disc, Pose, Rectangle, Shape, canonical_angle, quantised
 from ..core.outlines import COLUMNS, THETA, outline_row
 from ..core.portable_math import PI, angle_of
+from ..core.relations import TALKING
 from ..core.rng import RandomStream
 from ..core.vectors import X, Y, length
 from .floor_plans import FloorPlan

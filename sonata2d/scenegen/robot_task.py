@@ -22,8 +22,8 @@ PATH_MARGIN = 0.05  # m, minimum gap between the robot and obstacles along a pat
 def reserved_outlines(config: ScenarioConfig) -> list[PlacedShape]:
     """Return the outlines that a given start and a given goal occupy."""
     disc = Disc(config.robot.radius + PATH_MARGIN)
-    given = (config.robot.pose, config.goal.position)
-    return [(disc, Pose(*place).rounded()) for place in given if place is not None]
+    places = (config.robot.pose, config.goal.position)
+    return [(disc, Pose(*place).rounded()) for place in places if place is not None]
 
 
 def draw_robot_task(
@@ -59,8 +59,8 @@ def draw_robot_task(
 
 def _check_given(config: ScenarioConfig, space: FreeSpace) -> None:
     """Check that a given start and a given goal are free, and connected by a path."""
-    given = (("start", config.robot.pose), ("goal", config.goal.position))
-    positions = {name: Pose(*place).rounded().position for name, place in given if place is not None}
+    places = (("start", config.robot.pose), ("goal", config.goal.position))
+    positions = {name: Pose(*place).rounded().position for name, place in places if place is not None}
     for name, (x, y) in positions.items():
         point = np.array([(x, y)], dtype=float)
         if not space.is_free(point)[0]:

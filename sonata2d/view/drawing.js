@@ -203,9 +203,10 @@ export class SceneDrawing {
         this.fill(tones.outline); this.body(human.radius - .022, shoulder); this.fill(isPlain ? tones.plain : tones.body);
       }
       if (isPlain) return;
-      if (activity.startsWith("walking")) {
+      const {stride, aside} = this.scene.steps[activity] ?? {};
+      if (stride) {
         const swing = Math.sin(Math.PI * time / .75 + human.id);
-        for (const side of [-1, 1]) this.place(activity, side * swing * .5 * size, side * .38 * size, 0, size);
+        for (const side of [-1, 1]) this.place(activity, side * swing * stride * size, side * aside * size, 0, size);
       } else this.place(activity, 0, 0, 0, size);
       this.round(.46 * size, .9 * (human.radius + shoulder)); this.fill(tones.dark);
       this.round(.46 * size - .022, .9 * (human.radius + shoulder) - .022); this.fill(tones.fill);

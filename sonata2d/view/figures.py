@@ -14,10 +14,11 @@ from functools import partial
 from ..core.entities import Goal
 from ..core.geometry import Point
 from ..core.humans import HumanState
+from ..core.relations import ACTIVITY
 from ..core.scene import Unmeasured
 from ..core.snapshot import RobotState
 from .brush import Brush, Part
-from .palette import ACTIVITY, DARK, FLOOR, GOAL, HAIR, PAPER, ROBOT, mixed, shaded
+from .palette import DARK, FLOOR, GOAL, HAIR, PAPER, ROBOT, mixed, shaded
 
 _LINE = 0.022  # m, outlines
 _STRIDE = 0.75  # s per step, half of a gait cycle
@@ -37,7 +38,7 @@ def human_parts(
     if "headings" in unmeasured:
         plain = partial(draw_plain_body, activity=activity, r=r, ignores_robot=ignores_robot)
         return ((("person", activity, r, None, ignores_robot), plain, (1.0, 0.0)),)
-    if activity.startswith("walking"):
+    if ACTIVITY[activity].stride:
         swing = round(math.sin(math.pi * time / _STRIDE + human.id) * _SWINGS) / _SWINGS
     body = partial(draw_body, activity=activity, r=r, shoulder=shoulder, swing=swing, ignores_robot=ignores_robot)
     size = r + shoulder / 2
@@ -58,7 +59,7 @@ def draw_body(
         shoulder: half the length of the shoulder line, m; 0 for a disc.
         swing: position of a walking pedestrian's left foot, from -1 (behind) to 1 (ahead).
     """
-    colour = ACTIVITY[activity]
+    colour = ACTIVITY[activity].colour
     _draw_outline(brush, activity, 0.28, r, shoulder, ignores_robot=ignores_robot)
     size = r + shoulder / 2  # halfway between depth and breadth
     draw_limbs(brush, activity, size, swing)
@@ -72,7 +73,7 @@ def draw_plain_body(brush: Brush, activity: str, r: float, *, ignores_robot: boo
 
 def _draw_outline(brush: Brush, activity: str, tone: float, r: float, shoulder: float, *, ignores_robot: bool) -> None:
     """Draw the solid outline in a tone between the floor's (0) and the activity's (1)."""
-    colour = ACTIVITY[activity]
+    colour = ACTIVITY[activity].colour
     if ignores_robot:
         brush.body(mixed(FLOOR, colour, tone), r, shoulder)
         brush.dashed_body(shaded(colour), r, shoulder, 1.5 * _LINE, 9)
@@ -90,31 +91,22 @@ def draw_head(brush: Brush, r: float, *, nose: bool = True) -> None:
 
 
 def draw_limbs(brush: Brush, activity: str, r: float, swing: float = 0.0) -> None:
-    """Draw feet or arms, depending on the activity; r is the size of the body, m, and `swing` as for `draw_body`."""
-    colour = ACTIVITY[activity]
-    sleeve = mixed(shaded(colour), colour, 0.5)
-    if activity.startswith("walking"):
+    """Draw the feet and limbs of an activity; r is the size of the body, m, and `swing` as for `draw_body`."""
+    row = ACTIVITY[activity]
+    if row.foot is not None:
+        x, y = row.foot[:2]
         for side in (-1, 1):
-            draw_foot(brush, activity, r, (side * swing * 0.5 * r, side * 0.38 * r))
-    elif activity == "talking":
-        brush.stroke(sleeve, [(0.1 * r, -0.78 * r), (0.62 * r, -0.62 * r), (0.8 * r, -0.28 * r)], 0.22 * r)
-    elif activity == "using":
-        for side in (-1, 1):
-            arm = [(0.1 * r, side * 0.78 * r), (0.5 * r, side * 0.7 * r), (0.85 * r, side * 0.25 * r)]
-            brush.stroke(sleeve, arm, 0.2 * r)
-    elif activity == "sitting":
-        for side in (-1, 1):
-            brush.ellipse(shaded(colour, 0.6), (1.75 * r, side * 0.42 * r), (0.42 * r, 0.2 * r))
-            brush.stroke(sleeve, [(0.2 * r, side * 0.42 * r), (1.5 * r, side * 0.42 * r)], 0.46 * r)
-    elif activity == "queueing":
-        brush.stroke(sleeve, [(0.0, 0.78 * r), (0.5 * r, 0.4 * r), (0.5 * r, -0.4 * r), (0.0, -0.78 * r)], 0.24 * r)
-    elif activity == "looking":
-        brush.stroke(sleeve, [(0.0, 0.75 * r), (-0.6 * r, 0.35 * r), (-0.6 * r, -0.35 * r), (0.0, -0.75 * r)], 0.22 * r)
+            draw_foot(brush, activity, r, ((x + side * swing * row.stride) * r, side * y * r))
+    sleeve = mixed(shaded(row.colour), row.colour, 0.5)
+    for line in row.limbs:
+        brush.stroke(sleeve, [(x * r, y * r) for x, y in line], row.width * r)
 
 
 def draw_foot(brush: Brush, activity: str, r: float, place: Point = (0.0, 0.0)) -> None:
-    """Draw the foot of a walking pedestrian whose body has the size r, m."""
-    brush.ellipse(shaded(ACTIVITY[activity], 0.6), place, (0.36 * r, 0.17 * r))
+    """Draw a foot of a pedestrian whose body has the size r, m, at a place of its frame."""
+    row = ACTIVITY[activity]
+    assert row.foot is not None  # other activities hide the feet
+    brush.ellipse(shaded(row.colour, 0.6), place, (row.foot[2] * r, row.foot[3] * r))
 
 
 def robot_part(robot: RobotState, *, touches: bool = False) -> Part:

@@ -15,6 +15,7 @@ import pygame
 from ..core.files.locations import location
 from ..core.files.whole_file import whole_file
 from ..core.notebook import Advance, ProgressBar
+from ..core.relations import ACTIVITY
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..errors import RenderError
@@ -24,7 +25,7 @@ from .interpolation import between
 from .layers import Layers
 from .legend import Legend
 from .painter import Painter
-from .palette import ACTIVITY, FLOOR, GOAL, GRID, INK, PAPER, PATHS, ROBOT, WALL, mixed, time_colour
+from .palette import FLOOR, GOAL, GRID, INK, PAPER, PATHS, ROBOT, WALL, mixed, time_colour
 from .projection import DEFAULT_SIDE, Camera
 from .trails import Trails, human_tones
 
@@ -268,10 +269,11 @@ def _write_gif(path: Path, shown: Iterable[pygame.Surface], fps: float) -> None:
 def _gif_palette(image: Any, first: Any) -> Any:
     """An image that holds the film's 256 colours: large areas of the first picture keep theirs."""
     frequent = [colour for _, colour in sorted(first.getcolors(first.width * first.height), reverse=True)]
-    pale = [mixed(FLOOR, colour, 0.28) for colour in ACTIVITY.values()]  # these and the next may appear later
+    people = [activity.colour for activity in ACTIVITY.values()]
+    pale = [mixed(FLOOR, colour, 0.28) for colour in people]  # these and the next may appear later
     ramp = [time_colour(k / 15) for k in range(16)]
     paths = [tone for k in range(len(PATHS)) for tone in human_tones(k)[::3]]
-    colours = [FLOOR, PAPER, GRID, WALL, INK, ROBOT, GOAL, *ACTIVITY.values()]
+    colours = [FLOOR, PAPER, GRID, WALL, INK, ROBOT, GOAL, *people]
     for colour in [*frequent[:_GIF_AREAS], *pale, *ramp, *paths, *frequent[_GIF_AREAS:]]:
         if len(colours) < 256 and all(_is_distinct(colour, other) for other in colours):
             colours.append(colour)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from ..core.furniture_types import WOOD, WOOD_EDGE
 from ..core.geometry import Pose
 from ..core.scene import Scene
 from .brush import Brush
-from .palette import FAINT, FLOOR, INK, WOOD, WOOD_EDGE, mixed
+from .palette import FAINT, FLOOR, INK, mixed
 
 _WALL_WIDTH = 0.12  # m, as drawn by `room`: outward only
 _JAMB, _LINE = 0.05, 0.02  # m, width of the door frame, and of lines

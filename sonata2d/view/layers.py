@@ -16,12 +16,13 @@ from ..core.geometry import Barriers, Point
 from ..core.humans import HumanState
 from ..core.portable_math import Array
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
+from ..core.relations import ACTIVITY
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from .annotations import STRIP
 from .brush import Brush, body_arc
 from .furniture import half_size
-from .palette import ACTIVITY, BLUE, FAINT, FLOOR, INK, PURPLE, ROBOT, Colour, mixed, shaded
+from .palette import BLUE, FAINT, FLOOR, INK, PURPLE, ROBOT, Colour, mixed, shaded
 
 _RAYS = tuple((math.cos(0.38 * k / 3), math.sin(0.38 * k / 3)) for k in range(-3, 4))  # unit vectors around the gaze
 _FAN_RANGE = 0.75  # m beyond the pedestrian's outline
@@ -118,7 +119,7 @@ def draw_fan(brush: Brush, activity: str, r: float, ray_lengths: Sequence[float]
     far = [r + _FAN_RANGE] * len(_RAYS) if ray_lengths is None else [min(d, r + _FAN_RANGE) for d in ray_lengths]
     near = [min(distance, r + 0.66 * _FAN_RANGE) for distance in far]
     rim, middle = ([(d * c, d * s) for d, (c, s) in zip(ends, _RAYS, strict=True)] for ends in (far, near))
-    colour = ACTIVITY[activity]
+    colour = ACTIVITY[activity].colour
     brush.wash(colour, 24, [*rim, *middle[::-1]])
     brush.wash(colour, 55, [(0.0, 0.0), *middle])
 
@@ -169,7 +170,7 @@ def _draw_velocity(brush: Brush, position: Point, velocity: Point, colour: Colou
 def draw_velocities(brush: Brush, snapshot: Snapshot, humans: Sequence[HumanState]) -> None:
     """Draw the velocity of each pedestrian and of the robot as an arrow."""
     for human in humans:
-        _draw_velocity(brush, human.pose.position, human.velocity, shaded(ACTIVITY[human.activity], 0.3))
+        _draw_velocity(brush, human.pose.position, human.velocity, shaded(ACTIVITY[human.activity].colour, 0.3))
     if "robot" not in snapshot.scene.unmeasured:
         _draw_velocity(brush, snapshot.robot.position, snapshot.robot.velocity, shaded(ROBOT, 0.3))
 

@@ -8,6 +8,7 @@ from functools import partial
 
 from ..core.geometry import Point
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
+from ..core.relations import ACTIVITY
 from ..core.snapshot import Snapshot
 from .brush import Brush
 from .canvas import Canvas
@@ -15,7 +16,7 @@ from .figures import draw_body, draw_chassis, draw_head, draw_plain_body, draw_t
 from .fonts import width_of
 from .landmarks import draw_door, draw_place, draw_queue
 from .layers import Layers, draw_fan, draw_link_between, draw_shared_space, draw_zones_of
-from .palette import ACTIVITY, INK
+from .palette import INK
 from .projection import Camera
 from .trails import MARK_INTERVAL, draw_mark_sample, draw_path_samples
 
@@ -26,14 +27,7 @@ _RADIUS = 0.2  # m, of the robot and of discs in a symbol
 _BODY = 0.14, 0.085  # m, of pedestrians in a symbol: half the depth, and half the length of the shoulder line
 _MAXIMUM_FRACTION = 0.25  # of a picture's height
 TEXTS = {  # English meaning of each symbol
-    "standing": "standing",
-    "walking": "walking",
-    "walking_together": "walking together",
-    "talking": "talking",
-    "using": "using an object",
-    "looking": "looking at an object",
-    "sitting": "sitting",
-    "queueing": "queueing",
+    **{name.replace(" ", "_"): activity.text for name, activity in ACTIVITY.items()},
     "ignores": "ignores the robot",
     "gaze": "field of view",
     "robot": "robot",
@@ -218,7 +212,7 @@ def _turned(draw: Callable[[Brush], None], brush: Brush) -> None:
 
 def _draw_pedestrian(activity: str, unmeasured: Iterable[str], brush: Brush, *, ignores_robot: bool = False) -> None:
     up, radius = brush.at((brush.x, brush.y), (0.0, 1.0)), _RADIUS
-    if activity == "sitting":  # its legs reach out of the circle
+    if (foot := ACTIVITY[activity].foot) is not None and foot[0] > 1.0:  # the legs reach out of the circle
         radius *= 0.65
         up = brush.at((brush.x, brush.y - 0.6 * radius), (0.0, 1.0))
     if "headings" in unmeasured:

@@ -1,8 +1,7 @@
 """Colours of the pictures: Okabe and Ito's palette, which colour-blind readers can distinguish, on a pale floor.
 
-Okabe and Ito have no more colours for sitting and queueing people, which have two of P. Tol's (see `PATHS`).
-
-Activities differ in pose as well (see `figures`), so that they can be distinguished in a greyscale print.
+The colours of people are part of `core.relations.ACTIVITY`. Activities differ in pose as well (see `figures`), so that
+they can be distinguished in a greyscale print.
 
 Source: M. Okabe & K. Ito, Color Universal Design (2008), https://jfly.uni-koeln.de/color/.
 """
@@ -12,26 +11,11 @@ from __future__ import annotations
 Colour = tuple[int, int, int]
 
 ORANGE: Colour = (230, 159, 0)
-SKY: Colour = (86, 180, 233)
 GREEN: Colour = (0, 158, 115)
-YELLOW: Colour = (240, 228, 66)
 BLUE: Colour = (0, 114, 178)
 VERMILLION: Colour = (213, 94, 0)
 PURPLE: Colour = (204, 121, 167)
 GREY: Colour = (150, 155, 163)
-OLIVE: Colour = (153, 153, 51)
-WINE: Colour = (136, 34, 85)
-
-ACTIVITY: dict[str, Colour] = {
-    "standing": GREY,
-    "walking": BLUE,
-    "walking together": SKY,
-    "talking": PURPLE,
-    "using": ORANGE,
-    "looking": YELLOW,
-    "sitting": OLIVE,
-    "queueing": WINE,
-}
 ROBOT, GOAL = VERMILLION, GREEN
 HAIR: Colour = (72, 60, 54)
 
@@ -56,16 +40,7 @@ WALL: Colour = (62, 67, 77)
 INK: Colour = (43, 47, 54)
 FAINT: Colour = (118, 124, 134)
 
-WOOD: Colour = (222, 196, 158)
-WOOD_EDGE: Colour = (158, 124, 82)
-LEAF: Colour = (122, 160, 104)
-LEAF_EDGE: Colour = (78, 116, 66)
-POT: Colour = (176, 128, 100)
-METAL: Colour = (196, 200, 206)
 DARK: Colour = (52, 56, 64)
-SCREEN: Colour = (150, 190, 220)
-CLOTH: Colour = (178, 186, 196)
-CLOTH_EDGE: Colour = (122, 132, 146)
 BLOCK: Colour = (205, 199, 190)
 BLOCK_EDGE: Colour = (138, 130, 120)
 

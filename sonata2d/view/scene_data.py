@@ -11,8 +11,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from ..core.humans import ACTIVITIES
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, obstacle_clearance, touched_kind
+from ..core.relations import ACTIVITIES, ACTIVITY
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from .brush import Brush
@@ -20,8 +20,8 @@ from .draw import camera_for, draw_still_parts
 from .figures import draw_chassis, draw_foot, draw_head, draw_limbs, draw_target
 from .furniture import half_size
 from .layers import Layers, visible_interactions
-from .legend import Legend, english, name_of
-from .palette import ACTIVITY, BLUE, FAINT, FLOOR, GOAL, INK, ROBOT, hex_colour, mixed, shaded
+from .legend import Legend
+from .palette import BLUE, FAINT, FLOOR, GOAL, INK, ROBOT, Colour, hex_colour, mixed, shaded
 from .projection import Camera
 from .svg import SvgCanvas
 from .trails import human_tones
@@ -38,16 +38,18 @@ _REACTIONS = {
 }
 _SCALE = 100.0  # px/m of the room and of symbols, whose lines then have two decimals; browsers draw them at any scale
 
-_TONES = {
-    name: {
+
+def _tones(colour: Colour) -> dict[str, Colour]:
+    """The tones in which the body of a person is drawn."""
+    return {
         "fill": colour,
         "dark": shaded(colour),
         "outline": shaded(colour, 0.25),
         "body": mixed(FLOOR, colour, 0.28),
         "plain": mixed(FLOOR, colour, 0.7),
     }
-    for name, colour in ACTIVITY.items()
-}
+
+
 _COLOURS = {
     "robot": ROBOT,
     "goal": GOAL,
@@ -93,8 +95,16 @@ def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # no
             for f in sorted(scene.furniture, key=lambda f: f.on is None)  # the pointer finds a laptop before its table
         ],
         "activities": ACTIVITIES,
-        "activityTexts": {name: english(name_of(name)) for name in ACTIVITIES},
-        "tones": {name: {key: hex_colour(c) for key, c in tones.items()} for name, tones in _TONES.items()},
+        "activityTexts": {name: activity.text for name, activity in ACTIVITY.items()},
+        "tones": {
+            name: {key: hex_colour(tone) for key, tone in _tones(activity.colour).items()}
+            for name, activity in ACTIVITY.items()
+        },
+        "steps": {
+            name: {"stride": activity.stride, "aside": activity.foot[1]}
+            for name, activity in ACTIVITY.items()
+            if activity.foot is not None and activity.stride
+        },
         "colours": {name: hex_colour(colour) for name, colour in _COLOURS.items()},
         "zones": (INTIMATE_DISTANCE, PERSONAL_DISTANCE),
         "symbols": _symbols(scene),
@@ -111,9 +121,9 @@ def _symbols(scene: Scene) -> dict[str, str]:
         "head": partial(draw_head, r=1.0),
         "round head": partial(draw_head, r=1.0, nose=False),
     }
-    for activity in ACTIVITIES:
-        is_walking = activity.startswith("walking")  # of a walking pedestrian, the feet are placed one by one
-        drawings[activity] = partial(draw_foot if is_walking else draw_limbs, activity=activity, r=1.0)
+    for name, activity in ACTIVITY.items():
+        # of a walking pedestrian, the feet are placed one by one
+        drawings[name] = partial(draw_foot if activity.stride else draw_limbs, activity=name, r=1.0)
     symbols = {}
     for name, draw in drawings.items():
         canvas = SvgCanvas((0, 0))

@@ -11,6 +11,7 @@ import numpy as np
 import pygame
 
 from ..collect.texts import text
+from ..core.furniture_types import METAL
 from ..core.geometry import Point
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, touched_kind
 from ..core.snapshot import Snapshot
@@ -18,7 +19,7 @@ from ..view.canvas import PixelCanvas, put
 from ..view.fonts import shortened, width_of
 from ..view.layers import Layers
 from ..view.legend import Legend
-from ..view.palette import FAINT, GOAL, INK, METAL, PAPER, Colour, mixed, shaded
+from ..view.palette import FAINT, GOAL, INK, PAPER, Colour, mixed, shaded
 from ..view.projection import MIN_SIDE, Camera
 from .answer import FrameQuestion
 from .question_panel import question_panel

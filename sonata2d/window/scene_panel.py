@@ -9,13 +9,14 @@ import pygame_gui
 from pygame_gui.elements import UIButton, UILabel, UIPanel, UITextEntryLine
 
 from ..collect.texts import text
-from ..scenegen.scenario.config import ScenarioConfig
+from ..scenegen.scenario.base import IntRange
+from ..scenegen.scenario.config import ScenarioConfig, count_keys
 from .actions import Action
 from .widgets import fitted
 
 _COUNTS = (
     "humans", "standing", "wandering", "talking_pairs", "walking_pairs", "talking_groups", "walking_groups",
-    "at_laptop", "at_plant", "relations", "tables", "plants", "chairs", "shelves", "tvs",
+    "at_laptop", "at_plant", "relations",
 )  # fmt: skip
 _MAX_COUNT = 99
 _TYPED = (pygame_gui.UI_TEXT_ENTRY_CHANGED, pygame_gui.UI_TEXT_ENTRY_FINISHED)
@@ -61,7 +62,8 @@ class ScenePanel:
 
     def __init__(self, ui: pygame_gui.UIManager, scale: float, config: ScenarioConfig) -> None:
         self._config = config
-        counts = [key for key in _COUNTS if getattr(config, key) is not None]
+        counts = {key: count for key in _COUNTS if (count := getattr(config, key)) is not None}
+        counts |= {count_keys()[name]: count for name, count in config.counts.items()}
         width, height = ui.window_resolution
         rows = len(counts) + 4  # title, heads, problem and buttons
         self._unit = min(scale, (height - 20) / (rows * _PITCH + 2 * _GAP), (width - 20) / _WIDTH)
@@ -75,7 +77,7 @@ class ScenePanel:
         self._label(title, 0, 0, _WIDTH - 2 * _GAP, "#title")
         for key, left in zip(("scene.at_least", "scene.at_most"), _COLUMNS, strict=True):
             self._label(text(key), left, 1, _FIELD + 2 * _ROW, "#line")
-        self.rows = {key: self._row(k, key) for k, key in enumerate(counts, 2)}
+        self.rows = {key: self._row(k, key, count) for k, (key, count) in enumerate(counts.items(), 2)}
         self._problem = self._label("", 0, rows - 2, _WIDTH - 2 * _GAP, "#problem")
         half = (_WIDTH - 3 * _GAP) / 2
         self._apply, self._cancel = (
@@ -146,9 +148,8 @@ class ScenePanel:
     def _label(self, words: str, left: float, row: int, width: float, style: str) -> UILabel:
         return UILabel(self._place(left, row, width), words, self._ui, container=self.panel, object_id=style)
 
-    def _row(self, k: int, key: str) -> _CountRow:
+    def _row(self, k: int, key: str, count: IntRange) -> _CountRow:
         """Line of the panel: a text, then minus, number and plus for the minimum and for the maximum."""
-        count = getattr(self._config, key)
         self._label(text(f"scene.{key}"), 0, k, _COLUMNS[0] - _GAP, "#row")
         row = _CountRow(count.min, count.max, (self._field(k, 0), self._field(k, 1)))
         row.show()

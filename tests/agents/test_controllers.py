@@ -19,9 +19,10 @@ from sonata2d.agents.controllers.base import Controller
 from sonata2d.agents.controllers.loading import named_controllers
 from sonata2d.agents.controllers.planner import CELL, HAS_NEGATIVE_WEIGHTS, STEP, CostField, SocialPlanner, Weights
 from sonata2d.agents.controllers.reactive import SocialForce
-from sonata2d.core.entities import TALKING, Furniture, Human, Interaction, Robot
+from sonata2d.core.entities import Furniture, Human, Interaction, Robot
 from sonata2d.core.geometry import Pose, Rectangle, Twist
 from sonata2d.core.proxemics import clearance
+from sonata2d.core.relations import TALKING
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Outcome, Snapshot
 from sonata2d.registry import CONTROLLERS

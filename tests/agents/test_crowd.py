@@ -16,9 +16,10 @@ import sonata2d as s2
 from sonata2d.agents.pedestrians.crowd import Crowd
 from sonata2d.agents.pedestrians.models.base import attention_to
 from sonata2d.agents.pedestrians.routes import point_ahead
-from sonata2d.core.entities import AT_LAPTOP, TALKING, WALKING_TOGETHER, Furniture, Group, Human, Interaction, Wall
+from sonata2d.core.entities import Furniture, Group, Human, Interaction, Wall
 from sonata2d.core.geometry import Pose, Rectangle, Twist
 from sonata2d.core.portable_math import Array, BoolArray
+from sonata2d.core.relations import AT_LAPTOP, TALKING, WALKING_TOGETHER
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.sim.world import World

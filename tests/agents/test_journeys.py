@@ -15,8 +15,9 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.agents.pedestrians.routes import ARRIVAL_DISTANCE
-from sonata2d.core.entities import WALKING_TOGETHER, Door, Furniture, Group, Human, Interaction, Place, Queue
+from sonata2d.core.entities import Door, Furniture, Group, Human, Interaction, Place, Queue
 from sonata2d.core.geometry import Disc, Pose, Rectangle
+from sonata2d.core.relations import WALKING_TOGETHER
 from sonata2d.core.scene import Rules, Scene, Social
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.datasets import check_episode

@@ -14,15 +14,15 @@ import sonata2d as s2
 from sonata2d.agents.pedestrians.crowd import Crowd
 from sonata2d.agents.pedestrians.social.f_formations import joining_positions, widen
 from sonata2d.agents.pedestrians.social.state import SocialState
-from sonata2d.core.entities import AT_LAPTOP, AT_PLANT, TALKING, Formation, Furniture, Group, Human, Interaction
+from sonata2d.core.entities import Formation, Furniture, Group, Human, Interaction
 from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist, inside_polygon
-from sonata2d.core.humans import ACTIVITIES
+from sonata2d.core.relations import ACTIVITIES, AT_LAPTOP, AT_PLANT, TALKING
 from sonata2d.core.scene import Scene, Social
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.datasets.check.replay import check_replay
 from sonata2d.record.reader import read_episode
 from sonata2d.record.recorder import JsonRecorder
-from sonata2d.scenegen.sampling import talking_formation
+from sonata2d.scenegen.formations import talking_formation
 from sonata2d.sim.world import World
 
 from ..conftest import room, walker

@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 import sonata2d as s2
-from sonata2d.core.entities import AT_LAPTOP, Furniture, Human, Interaction
+from sonata2d.core.entities import Furniture, Human, Interaction
 from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist
+from sonata2d.core.relations import AT_LAPTOP
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.record.reader import read_episode
 from sonata2d.record.record import EpisodeRecord

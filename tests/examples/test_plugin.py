@@ -53,6 +53,14 @@ def test_the_plug_ins_work_as_the_readme_says(installed: dict[str, str], tmp_pat
     assert len(episode["room"]["polygon"]) == 6
     assert {human["model"] for human in episode["humans"]} == {"circular"}
     assert episode["controller"]["path"] == "cautious"
+    sofas = [thing for thing in episode["objects"] if thing["type"] == "sofa"]
+    assert sofas
+    assert all(thing["seat"] and thing["shape"]["length"] == 1.8 for thing in sofas)
+    seats = {human["seat"] for human in episode["humans"] if human["seat"] is not None}
+    assert seats
+    assert seats <= {thing["id"] for thing in sofas}
+    assert episode["settings"]["sofas"] == [1, 2]
+    assert (tmp_path / "hexagon.png").is_file()
     rows = (tmp_path / "paths" / "000000.robot.csv").read_text().splitlines()
     assert rows[0] == "time,x,y,theta"
     assert len(rows) == len(episode["frames"]) + 1
@@ -187,6 +195,7 @@ def test_doctor_lists_each_plug_in_with_its_package_and_whether_it_loads(
         "format robot-csv",
         "metric mean_speed",
         "observation part crowding",
+        "furniture type sofa",
     ):
         assert rows[name]["ok"] is True
         assert rows[name]["found"].startswith("plug-in of sonata2d-example-plugin 0.1.0: ")

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.core.entities import RELATIONS
+from sonata2d.core.furniture_types import OBJECT_TYPES
 from sonata2d.core.geometry import Disc
-from sonata2d.core.humans import ACTIVITIES
 from sonata2d.core.portable_math import Array
+from sonata2d.core.relations import ACTIVITIES, RELATIONS
 from sonata2d.gym.observation import Encoder, Sizes
-from sonata2d.gym.parts import OBJECT_TYPES, Observation
+from sonata2d.gym.parts import Observation
 
 
 def observed(scenario: str, ticks: int = 30, seed: int = 2, **arguments: object) -> tuple[s2.Snapshot, Observation]:

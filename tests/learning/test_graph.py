@@ -13,9 +13,9 @@ import pygame
 import pytest
 
 import sonata2d as s2
-from sonata2d.core.entities import RELATIONS as INTERACTIONS
 from sonata2d.core.geometry import Disc
 from sonata2d.core.portable_math import Array
+from sonata2d.core.relations import RELATIONS as INTERACTIONS
 from sonata2d.core.vectors import wrap_angle
 from sonata2d.datasets.motion import motion_of
 from sonata2d.datasets.transforms.mirror import mirrored

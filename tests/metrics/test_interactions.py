@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from sonata2d.core import proxemics
-from sonata2d.core.entities import AT_LAPTOP, TALKING, Furniture, Group, Human
+from sonata2d.core.entities import Furniture, Group, Human
 from sonata2d.core.geometry import Disc, Pose, disc_contact_times
+from sonata2d.core.relations import AT_LAPTOP, TALKING
 from sonata2d.core.scene import Scene
 
 from ..conftest import room

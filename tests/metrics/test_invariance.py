@@ -9,8 +9,9 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import given, settings, strategies as st
 
-from sonata2d.core.entities import TALKING, Furniture, Goal, Group, Human, Wall
+from sonata2d.core.entities import Furniture, Goal, Group, Human, Wall
 from sonata2d.core.geometry import Disc, Point, Pose, Rectangle
+from sonata2d.core.relations import TALKING
 from sonata2d.core.scene import Scene
 from sonata2d.metrics.catalogue import ALL
 from sonata2d.metrics.trajectory import Trajectory

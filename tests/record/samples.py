@@ -7,22 +7,11 @@ from typing import Any
 import numpy as np
 
 from sonata2d.core.devices import DeviceEvent
-from sonata2d.core.entities import (
-    AT_LAPTOP,
-    TALKING,
-    WALKING_TOGETHER,
-    Furniture,
-    Goal,
-    Group,
-    Human,
-    Interaction,
-    Limits,
-    Robot,
-    Wall,
-)
+from sonata2d.core.entities import Furniture, Goal, Group, Human, Interaction, Limits, Robot, Wall
 from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist
 from sonata2d.core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, VX, Humans, X, Y
 from sonata2d.core.portable_math import unit_vector, unit_vectors
+from sonata2d.core.relations import AT_LAPTOP, TALKING, WALKING_TOGETHER
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot
 from sonata2d.record.recorder import EpisodeRecorder

@@ -14,10 +14,11 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from sonata2d.core.devices import DeviceEvent
-from sonata2d.core.entities import AT_LAPTOP, TALKING, Interaction
+from sonata2d.core.entities import Interaction
 from sonata2d.core.geometry import Twist, canonical_angle, quantised
-from sonata2d.core.humans import ACTIVITIES, VY
+from sonata2d.core.humans import VY
 from sonata2d.core.portable_math import angle_of, unit_vector
+from sonata2d.core.relations import ACTIVITIES, AT_LAPTOP, TALKING
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot
 from sonata2d.errors import RecordError

@@ -17,10 +17,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from sonata2d.core.entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER, Human
+from sonata2d.core.entities import Human
 from sonata2d.core.geometry import Disc, Pose, canonical_angle, inside_polygon, quantised
 from sonata2d.core.navigation import FreeSpace
 from sonata2d.core.outlines import shape_gap
+from sonata2d.core.relations import AT_LAPTOP, AT_OBJECT, AT_PLANT, TALKING, WALKING_TOGETHER
 from sonata2d.core.scene import Scene
 from sonata2d.core.vectors import wrap_angle
 from sonata2d.errors import ConfigError, SceneError

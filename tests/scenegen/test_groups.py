@@ -9,13 +9,14 @@ from itertools import combinations, pairwise
 import numpy as np
 import pytest
 
-from sonata2d.core.entities import TALKING, WALKING_TOGETHER, Group, Human
+from sonata2d.core.entities import Group, Human
 from sonata2d.core.geometry import Pose
+from sonata2d.core.relations import TALKING, WALKING_TOGETHER
 from sonata2d.core.scene import Scene
 from sonata2d.core.vectors import wrap_angle
 from sonata2d.errors import ConfigError
+from sonata2d.scenegen.formations import talking_formation, walking_formation
 from sonata2d.scenegen.generator import generate
-from sonata2d.scenegen.sampling import talking_formation, walking_formation
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 
 EMPTY = {"standing": 0, "wandering": 0, "tables": 0, "plants": 0, "relations": 0}

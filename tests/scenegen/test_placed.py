@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 import sonata2d as s2
-from sonata2d.core.entities import TALKING, WALKING_TOGETHER, Group, Human, Interaction
+from sonata2d.core.entities import Group, Human, Interaction
+from sonata2d.core.relations import TALKING, WALKING_TOGETHER
 from sonata2d.core.scene import Scene
 from sonata2d.errors import ConfigError, SceneError
 from sonata2d.scenegen.placed import resample_track

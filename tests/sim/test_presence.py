@@ -11,8 +11,9 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.agents.pedestrians.routes import EXIT_DISTANCE
-from sonata2d.core.entities import TALKING, WALKING_TOGETHER, Group, Human, Interaction
+from sonata2d.core.entities import Group, Human, Interaction
 from sonata2d.core.geometry import Point, Pose
+from sonata2d.core.relations import TALKING, WALKING_TOGETHER
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.datasets import check_episode

@@ -9,10 +9,11 @@ import numpy as np
 import pygame
 import pytest
 
-from sonata2d.core.entities import AT_LAPTOP, TALKING, Furniture, Goal, Human, Interaction, Robot, Wall
+from sonata2d.core.entities import Furniture, Goal, Human, Interaction, Robot, Wall
 from sonata2d.core.geometry import Disc, Point, Pose, Rectangle, Twist
-from sonata2d.core.humans import ACTIVITIES, BODY_X, BODY_Y, GAZE_X, GAZE_Y, X, Y
+from sonata2d.core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, X, Y
 from sonata2d.core.portable_math import unit_vector, unit_vectors
+from sonata2d.core.relations import ACTIVITIES, AT_LAPTOP, TALKING
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import RobotState, Snapshot
 from sonata2d.view.layers import Layers

@@ -9,7 +9,7 @@ import pytest
 
 from sonata2d.core.entities import Door, Furniture, Human, Place, Queue, Wall
 from sonata2d.core.geometry import Pose, Rectangle
-from sonata2d.core.humans import ACTIVITIES
+from sonata2d.core.relations import ACTIVITIES, ACTIVITY
 from sonata2d.errors import RenderError
 from sonata2d.view.annotations import Label, draw_labels, value_text
 from sonata2d.view.canvas import PixelCanvas
@@ -17,7 +17,7 @@ from sonata2d.view.draw import backdrop, camera_for
 from sonata2d.view.graph_picture import Panel, network_picture
 from sonata2d.view.layers import Layers
 from sonata2d.view.legend import Legend
-from sonata2d.view.palette import ACTIVITY, FLOOR, GOAL, PAPER, ROBOT, WALL, time_colour
+from sonata2d.view.palette import FLOOR, GOAL, PAPER, ROBOT, WALL, time_colour
 from sonata2d.view.projection import Camera
 from sonata2d.view.sheets import scene_picture
 from sonata2d.view.stills import picture, snapshot_of
@@ -61,7 +61,7 @@ def test_every_entity_has_its_colour_at_its_position(scene, camera):
         activity = snapshot_at(scene).humans[human.id - 20].activity
         assert (
             colour_at(drawn, camera, Pose(*human.pose.position, human.pose.theta).to_world((0.0, 0.14)))
-            == ACTIVITY[activity]
+            == ACTIVITY[activity].colour
         )
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import combinations
 
-from sonata2d.core.entities import AT_OBJECT, TALKING, Group, Interaction
+from sonata2d.core.entities import Group, Interaction
+from sonata2d.core.relations import AT_OBJECT, TALKING
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.view.layers import Layers, _interacting_groups, visible_interactions

@@ -7,15 +7,16 @@ import pygame
 import pytest
 
 from sonata2d.core.devices import ImageRequest
-from sonata2d.core.entities import AT_OBJECT, Furniture, Human, Interaction
+from sonata2d.core.entities import Furniture, Human, Interaction
 from sonata2d.core.geometry import Disc, Pose, Rectangle
 from sonata2d.core.humans import BODY_X, BODY_Y, X, Y
 from sonata2d.core.portable_math import unit_vector
+from sonata2d.core.relations import ACTIVITY, AT_OBJECT
 from sonata2d.errors import RenderError
 from sonata2d.view.interpolation import between
 from sonata2d.view.layers import Layers
 from sonata2d.view.painter import Painter, image_of
-from sonata2d.view.palette import ACTIVITY, FLOOR, GOAL, OUTSIDE, PAPER, ROBOT, WALL
+from sonata2d.view.palette import FLOOR, GOAL, OUTSIDE, PAPER, ROBOT, WALL
 from sonata2d.view.projection import Camera
 from sonata2d.view.stills import picture, snapshot_of
 from sonata2d.view.trails import Trails
@@ -76,7 +77,7 @@ def test_every_entity_has_its_colour_at_its_position(scene, view):
     assert colour_at(surface, camera, (3.06, 3.5)) == WALL
     assert colour_at(surface, camera, (4.5, 4.0)) == OUTSIDE
     for human in snapshot.humans:
-        assert colour_at(surface, camera, human.pose.to_world((0.0, 0.14))) == ACTIVITY[human.activity]
+        assert colour_at(surface, camera, human.pose.to_world((0.0, 0.14))) == ACTIVITY[human.activity].colour
 
 
 def test_the_window_and_the_picture_are_nearly_equal(scene):

@@ -19,7 +19,7 @@ FOLDER = Path(window.__file__).parent
 MODULES = sorted(path for path in FOLDER.glob("*.py") if path.name not in ("texts.py", "profiles.py"))
 ENGLISH = texts.table("en")
 PAGES = [path for path in FOLDER.parent.glob("web/**/*") if path.suffix in (".py", ".js", ".html")]
-NAMED_IN = ("core/labels.py", "core/proxemics.py", "view/legend.py")
+NAMED_IN = ("core/labels.py", "core/proxemics.py", "core/furniture_types.py", "view/legend.py")
 NAMES_OF = [FOLDER.parent / path for path in NAMED_IN]  # values of keys, beside the window
 SECTION = re.compile(r"[a-z]+\.")  # at the start of a key
 WORDS = re.compile(r"[A-Za-z]{2,} [A-Za-z]{2,}|^[A-Z][a-z]{2,}")
@@ -88,6 +88,7 @@ def test_every_text_that_a_screen_names_exists_and_every_text_is_used() -> None:
     }
     assert named - set(ENGLISH) == set()
     names = {word for word in constants(trees + [parsed(path) for path in NAMES_OF]) if re.fullmatch(r"\w+", word)}
+    names |= set(TEXTS)
     patterns, written = composed(trees, names), constants(trees)
     unused = [key for key in ENGLISH if key not in written and not any(p.fullmatch(key) for p in patterns)]
     of_pages = "\n".join(path.read_text(encoding="utf-8") for path in PAGES)

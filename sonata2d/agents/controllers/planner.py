@@ -10,11 +10,12 @@ import numpy as np
 
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, clipped, gap, rotation, to_shoulder_line
-from ...core.entities import TALKING, WALKING_TOGETHER, Robot
+from ...core.entities import Robot
 from ...core.geometry import Barriers, Point, Twist
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.portable_math import Array, BoolArray, IntArray
 from ...core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
+from ...core.relations import RELATION
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from .base import Controller
@@ -59,10 +60,8 @@ class CostField:
 def interaction_spaces(scene: Scene) -> Barriers:
     """Lines of attention between standing people, and between people and objects, that others should not cross."""
     position = {h.id: h.pose.position for h in scene.humans} | {f.id: f.pose.position for f in scene.furniture}
-    interactions = [i for i in scene.interactions if i.relation != WALKING_TOGETHER]
-    return Barriers.of(
-        (position[i.src], position[i.dst], 0.15 if i.relation == TALKING else 0.05) for i in interactions
-    )
+    lines = ((i, RELATION[i.relation].line_radius) for i in scene.interactions)
+    return Barriers.of((position[i.src], position[i.dst], radius) for i, radius in lines if radius)
 
 
 @kernel

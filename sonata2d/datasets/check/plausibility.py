@@ -12,8 +12,8 @@ import numpy as np
 
 from ...core.entities import Furniture
 from ...core.geometry import Barriers, Disc, inside_polygon, segment_distances, shoulder_line_distances, shoulder_lines
-from ...core.humans import ACTIVITIES
 from ...core.portable_math import Array, BoolArray, unit_vectors
+from ...core.relations import ACTIVITIES
 from ...core.scene import Scene
 from ...core.vectors import wrap_angle
 from ...record.canonical import rounded_rows

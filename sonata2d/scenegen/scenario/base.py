@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Generic, Self, TypeVar, get_type_hints
 
@@ -105,17 +105,24 @@ class Settings(BaseModel, metaclass=OneLineErrors):
             value, default = getattr(self, name), field.get_default(call_default_factory=True)
             if name == "name" or (value != default and value is not None):
                 yield name, _Difference(value, default)
+        yield from (self.model_extra or {}).items()
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise ConfigError(f"settings are fixed; changed({name}={shown(value)}) returns others")
+
+    @classmethod
+    def _further_keys(cls) -> Collection[str]:
+        """Keys that are no fields of the class."""
+        return ()
 
     @model_validator(mode="before")
     @classmethod
     def _reject_unknown_keys(cls, values: Any) -> Any:
         # pydantic's own check (extra="forbid") runs later and has no suggestions
         for key in values if isinstance(values, dict) else ():
-            if key not in cls.model_fields:
-                hint = did_you_mean(str(key), cls.model_fields) or f"; keys are {', '.join(cls.model_fields)}"
+            if key not in cls.model_fields and key not in cls._further_keys():
+                known = list(dict.fromkeys((*cls.model_fields, *cls._further_keys())))
+                hint = did_you_mean(str(key), known) or f"; keys are {', '.join(known)}"
                 context = {"key": str(key), "hint": hint, "path": (key,)}
                 raise PydanticCustomError("unknown_key", "unknown key '{key}'{hint}", context)
         return values

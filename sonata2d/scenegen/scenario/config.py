@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Collection
 from inspect import Parameter, Signature, signature
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, Field, PositiveInt, field_validator, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, PositiveInt, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from ...core.bounds import Fraction, Positive
 from ...core.entities import Robot
 from ...core.files.limits import MAX_COUNT, MAX_NAME
+from ...core.furniture_types import BUILT_IN
 from ...core.geometry import Pose
 from ...core.labels import LabelSpec
 from ...core.scene import Rules
-from ...registry import did_you_mean
+from ...errors import PluginWarning
+from ...registry import FURNITURE_TYPES, did_you_mean, furniture_type, furniture_types
 from .base import Entities, IntRange, Range, Settings, is_section, within
 from .people import PersonSpec, check_people
 from .sections import (
     PAUSING,
-    SIZES,
     DoorConfig,
     FurnitureConfig,
     GoalConfig,
@@ -39,16 +42,17 @@ from .sections import (
 _UNGUARDED_SPEED, _UNGUARDED_STEP = 12.0, 0.12
 _TWENTY_DEGREES = 0.3490658503988659  # rad
 Distance = Annotated[Range, within("a distance must be above 0", 0.0, above=True)]
+_SIZES: dict[str, Size] = {kind.name: kind.size for kind in BUILT_IN if kind.size is not None}
 
 
 class ScenarioConfig(Settings):
     """Settings of a scenario, from which scenes are generated. A range may be given as one number.
 
-    Pedestrians and furniture are drawn first, by the counts `standing` to `tvs`. Then `relations` of them are put into
-    relations, or fewer where too few are free; each relation is of a random kind (talking, at a laptop, at a plant,
-    walking together) or, where that kind is impossible, of the next kind. `talking_pairs` to `at_object` add
-    pedestrians of their own; they use a free laptop, plant or other object, fixed ones first, and add one where none
-    is free. `people` are added to all of these.
+    Pedestrians and furniture are drawn first, by the counts `standing` to `tvs` and of further types of furniture. Then
+    `relations` of them are put into relations, or fewer where too few are free; each relation is of a random kind
+    (talking, at a laptop, at a plant, walking together) or, where that kind is impossible, of the next kind.
+    `talking_pairs` to `at_object` add pedestrians of their own; they use a free laptop, plant or other object, fixed
+    ones first, and add one where none is free. `people` are added to all of these.
 
     Attributes:
         name: of the scenario; part of the scene's family. Default: sonata-2020, or custom if any setting is given.
@@ -57,7 +61,8 @@ class ScenarioConfig(Settings):
         room: floor plan.
         standing, wandering: number of standing and of wandering pedestrians.
         humans: total number, given instead of these two; `wandering_share`: fraction of `humans` that wander.
-        tables, plants, chairs, shelves, tvs: number of drawn pieces of furniture.
+        tables, plants, chairs, shelves, tvs: number of drawn pieces of furniture; each further type of furniture, such
+            as of a plug-in, has a key of its own.
         laptops_on_tables: whether each drawn table has a laptop on it.
         relations: number of relations among the drawn pedestrians and furniture.
         talking_pairs, walking_pairs: number of additional pairs, spaced by `talking_distance` and `pair_spacing`.
@@ -83,6 +88,9 @@ class ScenarioConfig(Settings):
             SceneError; robot, goal and `people` are never left out.
         flip: probability that a scene is generated as its mirror image (y changes sign), fixed positions included.
     """
+
+    model_config = ConfigDict(extra="allow")  # numbers of further types of furniture
+    __pydantic_extra__: dict[str, IntRange] = Field(init=False)
 
     name: str = Field(default="sonata-2020", min_length=1, max_length=MAX_NAME)
     description: str = ""
@@ -112,7 +120,7 @@ class ScenarioConfig(Settings):
     places: Entities[PlaceConfig] = ()
     seated: IntRange = IntRange(0, 0)
     people: Annotated[Entities[PersonSpec], AfterValidator(check_people)] = ()
-    sizes: dict[str, Size] = Field(default_factory=lambda: dict(SIZES))
+    sizes: dict[str, Size] = Field(default_factory=lambda: dict(_SIZES))
     furniture_yaw: Range = Range(0, 0)
     talking_distance: Distance = Range(1.5, 3.0)
     talking_angle: Range = Range(-_TWENTY_DEGREES, _TWENTY_DEGREES)
@@ -148,6 +156,14 @@ class ScenarioConfig(Settings):
         return values | {"standing": None, "wandering": None}
 
     @model_validator(mode="after")
+    def _leave_out_zero_counts(self) -> Self:
+        """Leave out further types that are not drawn, so that files do not depend on the types that are installed."""
+        further = self.model_extra or {}
+        for key in [key for key, count in further.items() if count.max == 0]:
+            del further[key]
+        return self
+
+    @model_validator(mode="after")
     def _check_counts(self) -> Self:
         if self.humans is None and (self.standing is None or self.wandering is None):
             raise PydanticCustomError("humans", "standing and wandering must be ranges where humans is not given")
@@ -156,13 +172,14 @@ class ScenarioConfig(Settings):
     @field_validator("sizes", mode="after")
     @classmethod
     def _add_default_sizes(cls, sizes: dict[str, Size]) -> dict[str, Size]:
-        return SIZES | sizes
+        return _SIZES | sizes
 
     @model_validator(mode="after")
     def _check_furniture_types(self) -> Self:
         for k, piece in enumerate(self.furniture):
-            if piece.size is None and piece.type not in self.sizes:
-                hint = did_you_mean(piece.type, self.sizes) or f"; known types are {', '.join(self.sizes)}"
+            if piece.size is None and self.size_of(piece.type) is None:
+                known = list(dict.fromkeys((*self.sizes, *FURNITURE_TYPES)))
+                hint = did_you_mean(piece.type, known) or f"; known types are {', '.join(known)}"
                 context = {"hint": hint, "path": ("furniture", k, "type")}
                 raise PydanticCustomError("furniture", "furniture of unknown type needs a size{hint}", context)
         return self
@@ -206,6 +223,19 @@ class ScenarioConfig(Settings):
             raise PydanticCustomError("guard", message, context)
         return self
 
+    @classmethod
+    def _further_keys(cls) -> Collection[str]:
+        return count_keys().values()
+
+    @property
+    def counts(self) -> dict[str, IntRange]:
+        """The number of drawn pieces of each type of furniture, by name of the type."""
+        return {name: getattr(self, key, IntRange(0, 0)) for name, key in count_keys().items()}
+
+    def size_of(self, furniture: str) -> Size | None:
+        """The size of a type of furniture, m, by `sizes` or else by the type; None: unknown."""
+        return self.sizes.get(furniture, furniture_type(furniture).size)
+
     def changed(self, **settings: Any) -> ScenarioConfig:
         """Return the scenario with other settings.
 
@@ -220,6 +250,22 @@ class ScenarioConfig(Settings):
     def settings(self) -> dict[str, Any]:
         """Return all settings, with defaults, as JSON values; `ScenarioConfig(**settings)` restores the scenario."""
         return self.model_dump(mode="json")
+
+
+def count_keys() -> dict[str, str]:
+    """The key of the number of drawn pieces of each type of furniture that can be drawn, by name of the type.
+
+    A type of a plug-in whose key is taken is skipped with a `PluginWarning`.
+    """
+    keys = {kind.name: kind.count for kind in BUILT_IN if kind.count}
+    for name, kind in furniture_types().items():
+        if kind.count and name not in keys:
+            if kind.count in ScenarioConfig.model_fields or kind.count in keys.values():
+                warning = f"furniture of type {name!r} is not drawn: the key {kind.count!r} is taken; choose another"
+                warnings.warn(warning, PluginWarning, stacklevel=2)
+            else:
+                keys[name] = kind.count
+    return keys
 
 
 # `help` and notebooks show the call; with the types of pydantic it takes several screens

@@ -17,7 +17,7 @@ from pydantic_core import PydanticCustomError
 
 from ...core.bounds import Capacity, Fraction, NotNegative, Number, Positive
 from ...core.entities import DEFAULT_MODEL, Formation, Kinematics, Limits, Reaction
-from ...core.geometry import Disc, Point, Rectangle, Shape, quantised
+from ...core.geometry import Point
 from ...core.labels import LabelSpec
 from ...core.scene import Rules, Social
 from ...registry import PEDESTRIAN_MODELS
@@ -42,15 +42,6 @@ from .rooms import RoomConfig as RoomConfig
 ModelName = Annotated[str, AfterValidator(partial(require_registered, PEDESTRIAN_MODELS))]
 Size = Positive | tuple[Positive, Positive]  # radius of a disc, or length (x) and width (y), m
 
-SIZES: dict[str, Size] = {
-    "table": (0.8, 0.8),
-    "laptop": (0.35, 0.25),
-    "plant": 0.2,
-    "chair": (0.45, 0.45),
-    "shelf": (1.0, 0.35),
-    "tv": (1.0, 0.1),
-}  # m; the table as in SocNav3, the others typical commercial sizes
-
 WalkingFormation = Literal["abreast", "v"]
 PairFormation = Literal["face_to_face", "l", "side_by_side"]
 CircleFormation = Literal["circle", "semicircle"]
@@ -59,23 +50,18 @@ GroupSize = Annotated[IntRange, within("a group has 2 to 6 people", 2, 6)]
 Spacing = Annotated[Range, within("neighbours in a group need 0.5 m or more between their centres", 0.5)]
 
 
-def shape_of_size(size: Size) -> Shape:
-    """Create the outline of a `Size`: a disc for one number, a rectangle for two."""
-    return Rectangle(quantised(size[0]), quantised(size[1])) if isinstance(size, tuple) else Disc(quantised(size))
-
-
 class FurnitureConfig(Settings):
     """A piece of furniture at a fixed position. A laptop that overlaps a table lies on it.
 
     Attributes:
-        type: a key of `sizes`, or any name if `size` is given.
+        type: a type of furniture, a key of `sizes`, or any name if `size` is given.
         x, y: m, world frame.
         theta: rad, world frame.
         size: m; default: the size of its type.
         attracts: whether `at_laptop`, `at_plant` or `at_object` may place a pedestrian at its right side (-y), facing
             it.
         seat: whether one pedestrian can sit on it, above its centre and facing its front: +x, or -y of a piece that is
-            longer (x) than wide (y). Default: if it is a chair.
+            longer (x) than wide (y). Default: if its type is one, such as a chair.
     """
 
     type: str

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ....core.entities import AT_LAPTOP, AT_OBJECT, AT_PLANT, Furniture, Interaction
+from ....core.entities import Furniture, Interaction
 from ....core.geometry import Disc, Point, Rectangle, as_point
 from ....core.portable_math import Array
 from ....core.rng import AgentStreams
 from ....core.scene import Scene
 from ....core.vectors import length
+from ....registry import furniture_type
 from ..models.base import Walkers
 from ..routes import ARRIVAL_DISTANCE
 from ..wayfinding import Wayfinding
@@ -22,9 +23,6 @@ from .sitting import RISING, Seats
 from .state import SocialState
 from .tasks import Kind, Task
 
-OBJECT_RELATIONS = {"laptop": AT_LAPTOP, "plant": AT_PLANT}  # AT_OBJECT for all other types
-NOT_VISITED = ("table", "chair")
-OBJECT_CLEARANCE = 0.30  # m, between the outlines of a pedestrian and the object that it attends to
 PLACE_TOLERANCE = 0.25  # m, from the position of a task
 APPROACH_TIME = 25.0  # s, after which a task whose position was not reached is given up
 MEETING_DISTANCE, SEPARATION = 2.2, 3.5  # m: within the first, a pair may stop to talk; again after the second
@@ -70,6 +68,7 @@ class SocialDynamics:
         self._have_met: set[int] | None = None  # pairs i < j as i N + j, since they were last SEPARATION apart
         self._tick, self._position = 0, social.standing_position
         self._feet = np.zeros((len(humans), 2))  # unit vectors of the directions in which feet point
+        self._things = [(thing, furniture_type(thing.type)) for thing in scene.furniture]
         self._seats = Seats(scene, social, wayfinding, self._dt)
         self._lines = [QueueLine(queue, social, self._rng, self._dt) for queue in scene.queues]
         self._exits = Exits(scene, wayfinding)
@@ -214,8 +213,9 @@ class SocialDynamics:
             return
         own_id = self._scene.humans[k].id
         if task.partner is None:
-            thing = next(thing for thing in self._scene.furniture if thing.id == task.object_id)
-            interactions = [Interaction(own_id, OBJECT_RELATIONS.get(thing.type, AT_OBJECT), thing.id)]
+            thing, kind = next(item for item in self._things if item[0].id == task.object_id)
+            assert kind.relation is not None  # else no pedestrian has the task
+            interactions = [Interaction(own_id, kind.relation, thing.id)]
         else:
             members = sorted([task.partner, *self._social.partners[task.partner]])
             interactions = self._social.talking_interactions(k, members)
@@ -374,36 +374,32 @@ class SocialDynamics:
     def _object_tasks(self, k: int, position: Point) -> Iterator[Task]:
         """A task for each object that is worth a visit and that no other pedestrian attends to or goes to."""
         claimed = {task.object_id for task in self._tasks.values()}
-        for thing in self._scene.furniture:
-            if (
-                thing.type in NOT_VISITED
-                or thing.is_seat
-                or thing.id in claimed
-                or not self._social.is_unattended(thing.id)
-            ):
+        for thing, kind in self._things:
+            is_worth = kind.relation is not None and not thing.is_seat and thing.id not in claimed
+            if not is_worth or not self._social.is_unattended(thing.id):
                 continue
-            target = self._position_at(thing, position, self._scene.humans[k].radius)
+            target = self._position_at(thing, position, kind.clearance, self._scene.humans[k].radius)
             if self._wayfinding.is_open(target, target):
                 yield Task("visit", target, thing.pose.position, object_id=thing.id)
 
-    def _position_at(self, thing: Furniture, position: Point, radius: float) -> Point:
+    def _position_at(self, thing: Furniture, position: Point, clearance: float, radius: float) -> Point:
         """Where to stand at an object, m: in front of its right side (-y), at a disc on the side of the pedestrian.
 
         Args:
             thing: the object; it may lie on another one.
             position: of the pedestrian, m.
+            clearance: between the outlines of the object and the pedestrian, m.
             radius: of the pedestrian, m.
         """
         carrier = next((other for other in self._scene.furniture if other.id == thing.on), thing)
         if isinstance(thing.shape, Disc):
             x, y = thing.pose.position
-            gap = thing.shape.radius + OBJECT_CLEARANCE + radius
-            scale = gap / max(distance(position, (x, y)), 1e-6)
+            scale = (thing.shape.radius + clearance + radius) / max(distance(position, (x, y)), 1e-6)
             return x + (position[0] - x) * scale, y + (position[1] - y) * scale
         depth = carrier.shape.width / 2 if isinstance(carrier.shape, Rectangle) else carrier.shape.circumradius
         dx, dy = carrier.pose.x - thing.pose.x, carrier.pose.y - thing.pose.y
         hx, hy = thing.pose.direction
-        offset = dx * hy - dy * hx + depth + OBJECT_CLEARANCE + radius
+        offset = dx * hy - dy * hx + depth + clearance + radius
         return thing.pose.x + hy * offset, thing.pose.y - hx * offset
 
     def _joining_tasks(self, position: Point) -> Iterator[Task]:

@@ -8,10 +8,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ....core.compiled.packing import Bools, Floats2, Ints, Ints2
-from ....core.entities import TALKING, WALKING_TOGETHER, Interaction
+from ....core.entities import Interaction
 from ....core.geometry import Barriers, Disc, Point, Pose
-from ....core.humans import ACTIVITIES, activity_indices, frozen
+from ....core.humans import activity_indices, frozen
 from ....core.portable_math import BoolArray, IntArray, angle_of
+from ....core.relations import ACTIVITIES, TALKING, WALKING_TOGETHER
 from ....core.scene import Scene, closed_outlines
 from ....core.vectors import lengths
 
@@ -50,7 +51,7 @@ class SocialState:
         has_object: (N,) of bool, pedestrians that attend to an object, which is then their facing point.
         keeps_facing: (N,) of bool, members of an unchanged initial formation: they keep their initial facing point.
         interactions: the present ones, including interactions of absent pedestrians.
-        activity: (N,) of int, into `humans.ACTIVITIES`.
+        activity: (N,) of int, into `relations.ACTIVITIES`.
         partners: for each pedestrian, the indices of the present pedestrians that it talks or walks with.
         arrays: the state for kernels.
         is_always_present: for each pedestrian, whether it is present from the start to the end, unless it exits.

@@ -1,0 +1,56 @@
+"""Drawing of a pedestrian's properties, and of its reaction to the robot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from ..core.entities import Behaviour, Human, Reaction
+from ..core.geometry import Pose, quantised
+from ..core.rng import RandomStream
+from .scenario.sections import PersonConfig
+
+
+def draw_human(person: PersonConfig, behaviour: Behaviour, pose: Pose, rng: RandomStream) -> Human:
+    """Draw a pedestrian by the section `person`; its id is 0, and its reaction is not drawn."""
+    return Human(
+        id=0,
+        pose=pose,
+        radius=quantised(person.radius.draw(rng)),
+        breadth=quantised(person.breadth.draw(rng)),
+        desired_speed=quantised(person.desired_speed.draw(rng)),
+        headway=quantised(person.headway.draw(rng)),
+        politeness=quantised(person.politeness.draw(rng)),
+        behaviour=behaviour,
+        model=person.model,
+        reacts_to_robot=0.0 if rng.uniform() < person.ignores_robot else 1.0,
+    )
+
+
+class ReactionSampler:
+    """Draws the reaction of each pedestrian to the robot, and its clearance.
+
+    Each pedestrian has its own random stream, so that these settings change nothing else in a scene.
+
+    Args:
+        person: distributions of reactions and clearance.
+        seed: of the data set.
+        episode: number of the episode in the data set.
+    """
+
+    def __init__(self, person: PersonConfig, seed: int, episode: int) -> None:
+        self._clearance, self._seed, self._episode = person.robot_clearance, seed, episode
+        self._reactions, self._weights = list(person.reactions), list(person.reactions.values())
+
+    def assign(self, human: Human, reaction: Reaction | None = None, **changes: Any) -> Human:
+        """Return the pedestrian with its reaction and clearance; one that ignores the robot keeps that.
+
+        Args:
+            human: without them.
+            reaction: None: drawn.
+            changes: other fields to replace, by name.
+        """
+        rng = RandomStream(self._seed, self._episode, "manners", changes.get("id", human.id))
+        clearance = quantised(self._clearance.draw(rng))
+        chosen = rng.choice(self._reactions, self._weights) if reaction is None else reaction
+        return replace(human, reaction=chosen, robot_clearance=clearance, **changes)

@@ -1,0 +1,113 @@
+"""Numbering of placed entities, and the groups and interactions between the numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+from ..core.entities import Furniture, Group, Human, Interaction
+from ..core.geometry import Pose
+from ..core.relations import RELATION, Relation
+from .human_sampling import ReactionSampler
+from .sampling import EntityCluster
+
+Key = tuple[int, int]  # index of a cluster and of a member in it; for fixed furniture -1 and its index
+
+_FIXED = -1
+_FIRST_TYPES = ("table", "laptop", "plant")  # the order of the original SONATA
+
+
+@dataclass(frozen=True, slots=True)
+class NumberedEntities:
+    """Pedestrians and furniture with their ids, and the groups and interactions between these ids."""
+
+    humans: tuple[Human, ...]
+    furniture: tuple[Furniture, ...]
+    groups: tuple[Group, ...]
+    interactions: tuple[Interaction, ...]
+
+
+def ordered_entities(
+    placed: list[tuple[EntityCluster, list[Pose]]], fixed: tuple[Furniture, ...]
+) -> tuple[dict[Key, Human], dict[Key, Furniture]]:
+    """Order pedestrians, then furniture, with their poses in the world frame, as they will be numbered.
+
+    Standing pedestrians come before wandering ones; tables before laptops, plants and other furniture.
+
+    Args:
+        placed: clusters, each with the poses of its members in the world frame.
+        fixed: fixed furniture.
+    """
+    humans: dict[Key, Human] = {}
+    furniture = {(_FIXED, k): piece for k, piece in enumerate(fixed)}
+    for k, (cluster, poses) in enumerate(placed):
+        for m, (member, pose) in enumerate(zip(cluster.members, poses, strict=True)):
+            if isinstance(member, Human):
+                humans[k, m] = replace(member, pose=pose)
+            else:
+                furniture[k, m] = replace(member, pose=pose)
+    return (
+        dict(sorted(humans.items(), key=lambda item: item[1].behaviour != "standing")),
+        dict(sorted(furniture.items(), key=lambda item: _type_rank(item[1].type))),
+    )
+
+
+def number_entities(
+    clusters: list[EntityCluster],
+    humans: dict[Key, Human],
+    furniture: dict[Key, Furniture],
+    taken: Collection[int],
+    taken_groups: Collection[int],
+    reactions: ReactionSampler,
+) -> NumberedEntities:
+    """Give ids to pedestrians, furniture and groups, and to each pedestrian its reaction to the robot.
+
+    Args:
+        clusters: the placed ones.
+        humans, furniture: as `ordered_entities` returns them.
+        taken, taken_groups: ids that others have; the lowest free ones are given.
+        reactions: by id.
+    """
+    keys = [*humans, *furniture]
+    ids = dict(zip(keys, free_ids(taken, len(keys)), strict=True))
+    related = [(k, cluster, RELATION[cluster.relation]) for k, cluster in enumerate(clusters) if cluster.relation]
+    groups = [(k, cluster, relation.group) for k, cluster, relation in related if relation.group]
+    group_ids = dict(zip((k for k, *_ in groups), free_ids(taken_groups, len(groups)), strict=True))
+    return NumberedEntities(
+        tuple(reactions.assign(human, id=ids[key], group=group_ids.get(key[0])) for key, human in humans.items()),
+        tuple(
+            # a piece lies on a member of its cluster, or on another piece of the fixed furniture
+            replace(piece, id=ids[key], on=None if piece.on is None else ids[key[0], piece.on])
+            for key, piece in furniture.items()
+        ),
+        tuple(
+            Group(group_ids[k], kind, tuple(ids[key] for key in _member_keys(k, cluster)), cluster.formation)
+            for k, cluster, kind in groups
+        ),
+        tuple(
+            Interaction(ids[a], relation.name, ids[b])
+            for k, cluster, relation in related
+            for a, b in _interacting_keys(k, cluster, relation)
+        ),
+    )
+
+
+def free_ids(taken: Collection[int], count: int) -> list[int]:
+    """Return the lowest `count` ids from 1 that are not taken."""
+    return [number for number in range(1, len(taken) + count + 1) if number not in taken][:count]
+
+
+def _type_rank(name: str) -> int:
+    return _FIRST_TYPES.index(name) if name in _FIRST_TYPES else len(_FIRST_TYPES)
+
+
+def _member_keys(k: int, cluster: EntityCluster) -> list[Key]:
+    return [(k, m) for m in range(len(cluster.members))]
+
+
+def _interacting_keys(k: int, cluster: EntityCluster, relation: Relation) -> list[tuple[Key, Key]]:
+    """Return the pairs of a relation: all pairs of a group; else the first member with the last or the fixed piece."""
+    if relation.group:
+        return list(combinations(_member_keys(k, cluster), 2))
+    return [((k, 0), (k, len(cluster.members) - 1) if cluster.fixed is None else (_FIXED, cluster.fixed))]
