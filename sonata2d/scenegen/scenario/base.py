@@ -50,12 +50,12 @@ def _parse_weights(value: Any) -> Any:
     return dict.fromkeys(names, 1.0) if is_names else names
 
 
-Name = TypeVar("Name")
+_Name = TypeVar("_Name")
 # Weights by name; a name, or a list of names, stands for equal weights.
-Weights = Annotated[dict[Name, NonNegativeFloat], BeforeValidator(_parse_weights)]
+Weights = Annotated[dict[_Name, NonNegativeFloat], BeforeValidator(_parse_weights)]
 
 
-def require_weight(weights: dict[Name, float], item: str) -> dict[Name, float]:
+def require_weight(weights: dict[_Name, float], item: str) -> dict[_Name, float]:
     """Return the weights if at least one of them is above 0.
 
     Raises:
@@ -200,8 +200,8 @@ class IntRange(_Interval):
     max: Annotated[int, Field(ge=0, le=MAX_COUNT)]
 
     def draw(self, rng: RandomStream) -> int:
-        """Draw a count."""
-        return rng.integer(self.min, self.max)
+        """Draw a count; a single possible one takes no random number."""
+        return self.min if self.min == self.max else rng.integer(self.min, self.max)
 
 
 def bounded(problem: str, *, low: float = -math.inf, above: float = -math.inf, high: float = math.inf) -> Any:
