@@ -1,7 +1,7 @@
 """Versions of the package, of the physics and of the file format."""
 
-__version__ = "0.3.0"
-PHYSICS_VERSION = 3  # increases whenever the same seed, settings and commands give other frames
+__version__ = "0.4.0"
+PHYSICS_VERSION = 4  # increases whenever the same seed, settings and commands give other frames
 LAST_RELEASE = {1: "0.2.0", 2: "0.2.0"}  # by physics version whose files are refused: the last release that reads them
 FORMAT = "sonata2d-episode"
 FORMAT_VERSION = 1

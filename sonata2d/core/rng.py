@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from typing import Any, Literal, TypeVar
+from zlib import crc32
 
 import numpy as np
 
@@ -34,14 +35,16 @@ class RandomStream:
         seed: seed of the data set, 0 or more.
         episode: index of the episode in the data set.
         name: what the numbers are used for; streams of different names are independent.
-        entity: id of the agent that the numbers belong to, where every agent has a stream of its own.
+        entity: id of the agent, or name of the type of furniture, that the numbers belong to, where each has a stream
+            of its own.
 
     >>> RandomStream(7, 0, "scene").uniform() == RandomStream(7, 0, "scene").uniform()
     True
     """
 
-    def __init__(self, seed: int, episode: int, name: StreamName, entity: int | None = None) -> None:
+    def __init__(self, seed: int, episode: int, name: StreamName, entity: int | str | None = None) -> None:
         key = (episode, _STREAM_NAMES.index(name))
+        entity = crc32(entity.encode()) if isinstance(entity, str) else entity
         self._bits = np.random.PCG64(_entropy(seed, key if entity is None else (*key, entity)))
 
     def uniform(self, low: float = 0.0, high: float = 1.0) -> float:

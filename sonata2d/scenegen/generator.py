@@ -18,7 +18,7 @@ from .floor_plans import FloorPlan, draw_floor_plan
 from .human_sampling import ReactionSampler
 from .journeys import Journeys, plan_journeys, with_visitors
 from .numbering import number_entities, ordered_entities
-from .pieces import fixed_furniture
+from .pieces import FurnitureStreams, fixed_furniture
 from .placed import (
     apply_jitter,
     check_goals,
@@ -69,11 +69,12 @@ def generate(config: str | Path | ScenarioConfig, seed: int = 0, episode: int = 
     furniture = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
     journey_rng = RandomStream(seed, episode, "journeys")  # so that scenes without journeys stay the same
     journeys = plan_journeys(scenario, plan, reserved_outlines(scenario) + furniture, journey_rng)
-    clusters = sample_entities(scenario, rng)
+    streams = FurnitureStreams(seed, episode)
+    clusters = sample_entities(scenario, rng, streams)
     reactions = ReactionSampler(config.person, seed, episode)
     for attempt in range(1, config.max_layouts + 1):
         try:
-            scene = _try_layout(scenario, plan, fixed, clusters, journeys, reactions, rng)
+            scene = _try_layout(scenario, plan, fixed, clusters, journeys, reactions, rng, streams)
             break
         except SceneError:
             if attempt == config.max_layouts:
@@ -97,6 +98,7 @@ def _try_layout(
     journeys: Journeys,
     reactions: ReactionSampler,
     rng: RandomStream,
+    streams: FurnitureStreams,
 ) -> Scene:
     """Draw poses once for everything: given pedestrians, then clusters, then the robot and its goal.
 
@@ -114,7 +116,9 @@ def _try_layout(
     layout.occupy(list(journeys.zones))
     placed: dict[int, list[Pose]] = {}
     for k in sorted(range(len(clusters)), key=lambda k: (clusters[k].fixed is None, -cluster_radius(clusters[k]))):
-        poses = layout.place(clusters[k], fixed, rng)
+        # furniture that nobody attends to has the stream of its type
+        is_furniture = isinstance(clusters[k].members[0], Furniture)
+        poses = layout.place(clusters[k], fixed, streams[clusters[k].name] if is_furniture else rng)
         if poses is not None:
             placed[k] = poses
         elif not config.drop:

@@ -69,7 +69,7 @@ def plan_journeys(
     taken = list(occupied)
     doors: dict[int, Door] = {}
     queues: dict[int, Queue] = {}
-    waiting = [queue.waiting.draw(rng) if queue.waiting.max else 0 for queue in config.queues]
+    waiting = [queue.waiting.draw(rng) for queue in config.queues]
     for is_given in (True, False):  # what is given keeps its place, and what is drawn finds another one
         for k, door in enumerate(config.doors):
             if (door.x is not None) == is_given:
@@ -242,6 +242,8 @@ def with_visitors(
 ) -> Scene:
     """Add the pedestrians that sit or wait at the start, and those that enter through doors.
 
+    Furniture gets the ids after theirs, so that further pieces change no pedestrian's id, by which it draws.
+
     Args:
         scene: with everything else.
         config: its sections `doors` and `person`, and `seated`.
@@ -251,34 +253,48 @@ def with_visitors(
     """
     visitors = [*_seated(scene, config, rng), *_waiting(config, journeys, rng)]
     parties = [[visitor] for visitor in visitors] + _arrivals(config, journeys.doors, scene.rules.last_tick, rng)
-    taken = {human.id for human in scene.humans} | {piece.id for piece in scene.furniture}
-    ids = iter(free_ids(taken, sum(len(party) for party in parties)))
-    group_ids = iter(free_ids({group.id for group in scene.groups}, len(parties)))
+    scene, free = _with_free_ids(scene, len(config.people), sum(len(party) for party in parties))
+    ids, group_ids = iter(free), iter(free_ids({group.id for group in scene.groups}, len(parties)))
     humans, groups, interactions = list(scene.humans), list(scene.groups), list(scene.interactions)
     for party in parties:
         members = tuple(next(ids) for _ in party)
         group = next(group_ids) if len(party) > 1 else None
-        humans += [reactions.assign(h, id=id, group=group) for h, id in zip(party, members, strict=True)]
+        for human, id in zip(party, members, strict=True):
+            seat = None if human.seat is None else scene.furniture[human.seat].id
+            humans.append(reactions.assign(human, id=id, group=group, seat=seat))
         if group is not None:
             groups.append(Group(group, "walking", members))
             interactions.append(Interaction(members[0], WALKING_TOGETHER, members[1]))
     return replace(scene, humans=tuple(humans), groups=tuple(groups), interactions=tuple(interactions))
 
 
+def _with_free_ids(scene: Scene, listed: int, count: int) -> tuple[Scene, list[int]]:
+    """Return the scene with `count` free ids between its people and its furniture, and these ids.
+
+    The first `listed` people, of the section `people`, may have any ids.
+    """
+    taken, drawn = {human.id for human in scene.humans[:listed]}, len(scene.humans) - listed
+    ids = free_ids(taken, drawn + count + len(scene.furniture))[drawn:]
+    moved: dict[int | None, int] = {piece.id: id for piece, id in zip(scene.furniture, ids[count:], strict=True)}
+    furniture = tuple(replace(piece, id=moved[piece.id], on=moved.get(piece.on)) for piece in scene.furniture)
+    interactions = tuple(replace(i, dst=moved.get(i.dst, i.dst)) for i in scene.interactions)
+    return replace(scene, furniture=furniture, interactions=interactions), ids[:count]
+
+
 def _seated(scene: Scene, config: ScenarioConfig, rng: RandomStream) -> Iterator[Human]:
-    """Pedestrians on random seats with free space beside them."""
-    count = config.seated.draw(rng) if config.seated.max else 0
+    """Pedestrians on random seats with free space beside them; `seat` is an index in the scene's furniture."""
+    count = config.seated.draw(rng)
     if not count:
         return
     space = FreeSpace(scene.outline, scene.barriers.joined(scene.standing_humans), _SLOT_RADIUS)
     seats = [
-        piece for piece in scene.furniture
+        (k, piece) for k, piece in enumerate(scene.furniture)
         if piece.is_seat and any(space.is_free_at(point) for point in piece.approaches(_SLOT_RADIUS))
     ]  # fmt: skip
-    for piece in rng.shuffled(seats)[:count]:
+    for k, piece in rng.shuffled(seats)[:count]:
         x, y = piece.front
         pose = Pose(*piece.pose.position, canonical_angle(angle_of(y, x)))
-        yield replace(draw_human(config.person, "wandering", pose, rng), seat=piece.id)
+        yield replace(draw_human(config.person, "wandering", pose, rng), seat=k)
 
 
 def _waiting(config: ScenarioConfig, journeys: Journeys, rng: RandomStream) -> Iterator[Human]:

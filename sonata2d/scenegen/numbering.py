@@ -9,13 +9,13 @@ from itertools import combinations
 from ..core.entities import Furniture, Group, Human, Interaction
 from ..core.geometry import Pose
 from ..core.relations import RELATION, Relation
+from ..registry import FURNITURE_TYPES
 from .human_sampling import ReactionSampler
 from .sampling import EntityCluster
 
 Key = tuple[int, int]  # index of a cluster and of a member in it; for fixed furniture -1 and its index
 
 _FIXED = -1
-_FIRST_TYPES = ("table", "laptop", "plant")  # the order of the original SONATA
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,12 +33,13 @@ def ordered_entities(
 ) -> tuple[dict[Key, Human], dict[Key, Furniture]]:
     """Order pedestrians, then furniture, with their poses in the world frame, as they will be numbered.
 
-    Standing pedestrians come before wandering ones; tables before laptops, plants and other furniture.
+    Standing pedestrians come before wandering ones; furniture is in the order of its registered types, others last.
 
     Args:
         placed: clusters, each with the poses of its members in the world frame.
         fixed: fixed furniture.
     """
+    types = list(FURNITURE_TYPES)
     humans: dict[Key, Human] = {}
     furniture = {(_FIXED, k): piece for k, piece in enumerate(fixed)}
     for k, (cluster, poses) in enumerate(placed):
@@ -49,7 +50,7 @@ def ordered_entities(
                 furniture[k, m] = replace(member, pose=pose)
     return (
         dict(sorted(humans.items(), key=lambda item: item[1].behaviour != "standing")),
-        dict(sorted(furniture.items(), key=lambda item: _type_rank(item[1].type))),
+        dict(sorted(furniture.items(), key=lambda item: _rank(item[1].type, types))),
     )
 
 
@@ -98,8 +99,8 @@ def free_ids(taken: Collection[int], count: int) -> list[int]:
     return [number for number in range(1, len(taken) + count + 1) if number not in taken][:count]
 
 
-def _type_rank(name: str) -> int:
-    return _FIRST_TYPES.index(name) if name in _FIRST_TYPES else len(_FIRST_TYPES)
+def _rank(name: str, types: list[str]) -> int:
+    return types.index(name) if name in types else len(types)
 
 
 def _member_keys(k: int, cluster: EntityCluster) -> list[Key]:

@@ -5,12 +5,29 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..core.entities import Furniture
-from ..core.furniture_types import CHAIR
 from ..core.geometry import Disc, Pose, Rectangle, Shape, quantised
 from ..core.outlines import shape_gap
+from ..core.rng import RandomStream
 from ..registry import furniture_type
 from .scenario.config import ScenarioConfig
 from .scenario.sections import FurnitureConfig, Size
+
+
+class FurnitureStreams(dict[str, RandomStream]):
+    """The random stream of each type of furniture, by name, so that a further type changes nothing else in a scene.
+
+    Args:
+        seed: of the data set.
+        episode: number of the episode in the data set.
+    """
+
+    def __init__(self, seed: int, episode: int) -> None:
+        super().__init__()
+        self._seed, self._episode = seed, episode
+
+    def __missing__(self, name: str) -> RandomStream:
+        self[name] = RandomStream(self._seed, self._episode, "scene", name)
+        return self[name]
 
 
 def shape_of_size(size: Size) -> Shape:
@@ -31,8 +48,8 @@ def create_piece(
     """
     size = size or config.size_of(name)
     assert size is not None  # a scenario is checked for sizes
-    if seat is None and furniture_type(name).is_seat and name != CHAIR.name:
-        seat = True  # files say so, except of chairs, which are seats by their name
+    if seat is None and furniture_type(name).is_seat:
+        seat = True  # a file is read without the type
     return Furniture(0, name, Pose(0.0, 0.0), shape_of_size(size), on, seat)
 
 

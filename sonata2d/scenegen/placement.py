@@ -55,7 +55,7 @@ class Layout:
         Args:
             cluster: to place.
             fixed: the fixed furniture, which `cluster.fixed` is an index of.
-            rng: random stream of the scene.
+            rng: random stream of the poses.
 
         Returns:
             The poses of the members in the world frame; None if `max_attempts` poses failed.

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from ..core.entities import Behaviour, Formation, Furniture, Human
-from ..core.furniture_types import BUILT_IN, LAPTOP, FurnitureType
+from ..core.furniture_types import LAPTOP, FurnitureType
 from ..core.geometry import Disc, Point, Pose, Shape
 from ..core.portable_math import PI
 from ..core.relations import ORIGINAL_RELATIONS, RELATION, TALKING, WALKING_TOGETHER
@@ -14,7 +14,7 @@ from ..core.rng import RandomStream
 from ..registry import furniture_type, furniture_types
 from .formations import GroupLayout, talking_formation, walking_formation
 from .human_sampling import draw_human
-from .pieces import create_piece
+from .pieces import FurnitureStreams, create_piece
 from .scenario.base import Range
 from .scenario.config import ScenarioConfig
 
@@ -22,7 +22,6 @@ Entity = Human | Furniture
 
 _ORIGIN = Pose(0.0, 0.0)
 _ANY_YAW = Range(-PI, PI)
-_PAIRS_FIRST = sorted(RELATION.values(), key=lambda relation: -relation.humans)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +56,17 @@ def shape_of(entity: Entity) -> Shape:
     return Disc(entity.shape.circumradius) if isinstance(entity, Human) else entity.shape
 
 
-def sample_entities(config: ScenarioConfig, rng: RandomStream) -> list[EntityCluster]:
-    """Sample pedestrians and drawn furniture, as clusters: relations first, then single entities."""
-    sampler = _Sampler(config, rng)
+def sample_entities(config: ScenarioConfig, rng: RandomStream, streams: FurnitureStreams) -> list[EntityCluster]:
+    """Sample pedestrians and drawn furniture, as clusters: relations first, then single entities.
+
+    Args:
+        config: the scenario.
+        rng: random stream of the scene.
+        streams: of the types of furniture.
+    """
+    sampler = _Sampler(config, rng, streams)
     # the counts are drawn before any cluster is: the order of draws is part of what a seed means
-    counts = {relation.name: getattr(config, relation.setting).draw(rng) for relation in _PAIRS_FIRST}
+    counts = {name: getattr(config, relation.setting).draw(rng) for name, relation in RELATION.items()}
     for name, count in counts.items():
         for _ in range(count):
             sampler.add_relation(name)
@@ -83,15 +88,15 @@ class _Sampler:
         attended: types of drawn furniture, or of laptops on it, by this relation.
     """
 
-    def __init__(self, config: ScenarioConfig, rng: RandomStream) -> None:
+    def __init__(self, config: ScenarioConfig, rng: RandomStream, streams: FurnitureStreams) -> None:
         self.config, self.rng = config, rng
         self.clusters: list[EntityCluster] = []
         standing, wandering = _draw_human_counts(config, rng)
-        own = [kind.name for kind in BUILT_IN]  # of other types, nothing is drawn if there are none
-        furniture = {name: count.draw(rng) if name in own or count.max else 0 for name, count in config.counts.items()}
+        furniture = {name: count.draw(streams[name]) for name, count in config.counts.items()}
         self.free = Counter({"standing": standing, "wandering": wandering, **furniture})
         self.free_fixed: dict[str | None, list[int]] = {relation: [] for relation in (None, *RELATION)}
-        for k in rng.shuffled(range(len(config.furniture))):
+        order = [streams[piece.type].uniform() for piece in config.furniture]
+        for k in sorted(range(len(order)), key=order.__getitem__):
             if config.furniture[k].attracts:
                 self.free_fixed[furniture_type(config.furniture[k].type).relation].append(k)
         drawn = [kind for kind in furniture_types().values() if kind.count or kind == LAPTOP]
@@ -110,17 +115,14 @@ class _Sampler:
             self._add_at_drawn_furniture(name)
 
     def add_groups(self) -> None:
-        """Add the walking and talking groups with new pedestrians.
-
-        Nothing is drawn where the maximum number of groups is 0, so that scenarios without groups keep their scenes.
-        """
+        """Add the walking and talking groups with new pedestrians."""
         config, groups, rng = self.config, self.config.groups, self.rng
-        for _ in range(config.walking_groups.draw(rng) if config.walking_groups.max else 0):
+        for _ in range(config.walking_groups.draw(rng)):
             name = rng.choice(list(groups.walking_formations), list(groups.walking_formations.values()))
             size, spacing = groups.walking_size.draw(rng), groups.walking_spacing.draw(rng)
             layout = walking_formation(name, size, spacing, groups.v_angle.draw(rng))
             self._add_group("walking group", WALKING_TOGETHER, layout, None)
-        for k in range(config.talking_groups.draw(rng) if config.talking_groups.max else 0):
+        for k in range(config.talking_groups.draw(rng)):
             size, spacing = groups.talking_size.draw(rng), groups.talking_spacing.draw(rng)
             weights = groups.formation_weights(size)
             layout = talking_formation(rng.choice(list(weights), list(weights.values())), size, spacing)

@@ -60,7 +60,7 @@ def test_invalid_scenario_file_is_refused(sonata2d: Run, here: Path, text: str, 
 
 
 def test_more_people_than_fit_are_refused(sonata2d: Run, here: Path) -> None:
-    (here / "full.yaml").write_text("room: {kinds: square, side: 4}\nhumans: 40\n")
+    (here / "full.yaml").write_text("room: {kinds: square, side: 4}\nhumans: 40\nrelations: 0\n")
     output = one_line(sonata2d("generate out --scenario full.yaml --workers 1", code=1).output)
     assert "SceneError" in output
     assert "of 40" in output

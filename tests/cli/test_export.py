@@ -85,7 +85,7 @@ def test_episodes_that_a_format_cannot_hold_are_skipped_and_counted(sonata2d: Ru
     (line,) = [line for line in result.stderr.splitlines() if line.startswith("skipped")]
     assert "out/000000.json: no pedestrian is present for 8 s" in line
     assert line.endswith("(and 1 more for this reason)")
-    long = "generate long --scenario quick.yaml --episodes 1 --workers 1 --no-picture --seed 2"
+    long = "generate long --scenario quick.yaml --episodes 1 --workers 1 --no-picture --seed 4"
     (here / "long.yaml").write_text((here / "quick.yaml").read_text().replace("time_limit: 4", "time_limit: 10"))
     sonata2d(long.replace("quick", "long"))
     (here / "out/000002.json").write_bytes((here / "long/000000.json").read_bytes())

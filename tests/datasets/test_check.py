@@ -90,7 +90,7 @@ def unicycle_file(tmp_path: Path) -> Path:
     )
     path = tmp_path / "unicycle.json"
     with s2.JsonRecorder(path) as recorder:
-        s2.Episode(s2.generate(config, seed=0), Bend(), observers=[recorder]).run()
+        s2.Episode(s2.generate(config, seed=2), Bend(), observers=[recorder]).run()
     return path
 
 

@@ -16,6 +16,7 @@ from sonata2d.core.entities import Furniture
 from sonata2d.core.furniture_types import BUILT_IN, OBJECT_TYPES
 from sonata2d.core.geometry import Pose, Rectangle
 from sonata2d.core.relations import AT_OBJECT
+from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Rules
 from sonata2d.errors import ConfigError, PluginWarning
 from sonata2d.formats.format import Options
@@ -23,10 +24,12 @@ from sonata2d.formats.socnav3 import export
 from sonata2d.gym.observation import Encoder, Sizes
 from sonata2d.registry import FURNITURE_TYPES, furniture_type, furniture_types
 from sonata2d.scenegen.generator import generate
+from sonata2d.scenegen.scenario.base import IntRange
 from sonata2d.scenegen.scenario.config import ScenarioConfig
-from sonata2d.view.draw import picture
 from sonata2d.view.scene_data import scene_data
-from sonata2d.view.stills import snapshot_of
+from sonata2d.view.stills import picture, snapshot_of
+
+from ..test_pinned_bytes import SCENES, pinned, scene_digest
 
 drawn: list[tuple[float, float, bool]] = []
 
@@ -155,6 +158,34 @@ def test_a_type_whose_key_is_taken_is_not_drawn_and_one_of_another_name_does_not
             furniture_type("bench")
     finally:
         FURNITURE_TYPES.registered.clear()
+
+
+@pytest.mark.usefixtures("_sofa")
+@pytest.mark.parametrize(("name", "seed"), SCENES)
+def test_a_registered_type_changes_no_pinned_scene(name: str, seed: int) -> None:
+    assert scene_digest(name, seed) == pinned()["scenes"][f"{name}, seed {seed}"]
+
+
+@pytest.mark.usefixtures("_sofa")
+@pytest.mark.parametrize("preset", ["sonata-2020", "lively"])
+def test_drawn_pieces_of_a_further_type_change_nothing_but_poses_that_are_in_the_way(
+    preset: str,
+) -> None:
+    config = s2.load_scenario(preset).changed(room={"kinds": "hall"}, sizes={"sofa": 0.05}, seated=0)
+    same_poses = 0
+    for seed in range(6):
+        without, scene = generate(config, seed), generate(config.changed(sofas=2), seed)
+        assert [piece.type for piece in scene.furniture][len(without.furniture) :] == ["sofa", "sofa"]
+        pairs = list(zip(without.humans, scene.humans, strict=True))
+        assert all(replace(before, pose=after.pose) == after for before, after in pairs)
+        same_poses += without.humans == scene.humans and without.furniture == scene.furniture[:-2]
+    assert same_poses >= 4
+
+
+def test_a_range_of_one_count_takes_no_random_number() -> None:
+    rng, other = RandomStream(1, 2, "scene"), RandomStream(1, 2, "scene")
+    assert [IntRange(3, 3).draw(rng), IntRange(0, 0).draw(rng)] == [3, 0]
+    assert rng.uniform() == other.uniform()
 
 
 def test_a_file_without_the_key_seat_has_chairs_as_its_only_seats() -> None:

@@ -31,7 +31,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """An object of each kind, all of the same episode."""
     path = tmp_path_factory.mktemp("shown") / "run.json"
     config = s2.load_scenario("lively").changed(rules={"time_limit": 3.0})
-    episode = s2.Episode(s2.generate(config, 1), s2.SocialPlanner(), observers=[s2.JsonRecorder(path)])
+    episode = s2.Episode(s2.generate(config, 5), s2.SocialPlanner(), observers=[s2.JsonRecorder(path)])
     episode.run()
     return {
         "scene": episode.scene,
@@ -49,12 +49,12 @@ def picture_of(text: str) -> Image.Image:
 
 
 def test_what_is_printed_fits_one_line(shown: dict[str, Any]) -> None:
-    assert repr(shown["scene"]) == "<Scene lively/l, seed 1, episode 0: 7 people, 4 objects>"
-    assert repr(shown["snapshot"]) == "<Snapshot of lively/l, seed 1, episode 0: tick 30, 3 s, 7 people>"
-    assert repr(shown["episode"]) == "<Episode of lively/l, seed 1, episode 0: SocialPlanner, 30 ticks, timeout>"
-    assert repr(shown["record"]) == "<EpisodeRecord run of lively/l: 30 frames, 3 s, 7 people, timeout>"
-    assert repr(shown["snapshot"].humans) == "<Humans: 7 people>"
-    assert repr(shown["record"].states) == "<States: 31 ticks, 7 people>"
+    assert repr(shown["scene"]) == "<Scene lively/square, seed 5, episode 0: 4 people, 5 objects>"
+    assert repr(shown["snapshot"]) == "<Snapshot of lively/square, seed 5, episode 0: tick 30, 3 s, 4 people>"
+    assert repr(shown["episode"]) == "<Episode of lively/square, seed 5, episode 0: SocialPlanner, 30 ticks, timeout>"
+    assert repr(shown["record"]) == "<EpisodeRecord run of lively/square: 30 frames, 3 s, 4 people, timeout>"
+    assert repr(shown["snapshot"].humans) == "<Humans: 4 people>"
+    assert repr(shown["record"].states) == "<States: 31 ticks, 4 people>"
     own = "ScenarioConfig(name='custom', humans=IntRange(min=3, max=3))"
     assert repr(s2.ScenarioConfig(humans=3)) == own
     settings = s2.load_scenario("empty").changed(rules={"time_limit": 5.0, "guard": False})
@@ -67,7 +67,7 @@ def test_what_is_printed_fits_one_line(shown: dict[str, Any]) -> None:
     recorder = s2.EpisodeRecorder()
     assert repr(recorder) == "<EpisodeRecorder: empty>"
     recorder.open(shown["scene"], ControllerInfo("x"))
-    assert repr(recorder) == "<EpisodeRecorder: lively/l, 0 frames>"
+    assert repr(recorder) == "<EpisodeRecorder: lively/square, 0 frames>"
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -75,7 +75,7 @@ def test_a_table_of_a_notebook_has_facts_and_a_picture(shown: dict[str, Any], ki
     text = shown[kind]._repr_html_()
     HTMLParser().feed(text)
     assert f"<strong>{type(shown[kind]).__name__}</strong>" in text
-    assert "lively/l" in text
+    assert "lively/square" in text
     assert len(text) < 100_000
     with picture_of(text) as picture:
         assert max(picture.size) > 200

@@ -212,8 +212,8 @@ class IntRange(_Interval):
     max: Annotated[int, Field(ge=0, le=MAX_COUNT)]
 
     def draw(self, rng: RandomStream) -> int:
-        """Draw a count."""
-        return rng.integer(self.min, self.max)
+        """Draw a count; a single possible one takes no random number."""
+        return self.min if self.min == self.max else rng.integer(self.min, self.max)
 
 
 def within(message: str, low: float, high: float = math.inf, *, above: bool = False) -> AfterValidator:
