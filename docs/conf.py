@@ -98,7 +98,7 @@ def _with_examples(app: Any, ctx: Any, lines: list[str]) -> None:
 
 
 def _as_restructured_text(app: Any, what: str, name: str, found: Any, options: Any, lines: list[str]) -> None:
-    """Docstrings have Markdown's `code`, which takes two backquotes here; constants have that of their type."""
+    """Docstrings have Markdown's `code`, which takes two backquotes here; constants have their type's."""
     if what == "data":
         lines[:] = [_constant(found), ""]
     elif not re.search(r"``|:`", text := "\n".join(lines)):  # as in docstrings inherited from other packages

@@ -101,7 +101,7 @@ def format_page() -> str:
 
 
 def _add_sections(sections: dict[str, str], name: str, tree: dict[str, Any]) -> None:
-    """Add the section of a model, then those of the models that it refers to, in the order of its keys.
+    """Add the section of a model, then the sections of the models that it refers to, in the order of its keys.
 
     Args:
         sections: text by name of the model.

@@ -14,7 +14,7 @@ ROWS = {"humans": "H", "objects": "M", "walls": "W", "interactions": "I"}
 
 
 def columns(part: type[ObservationPart]) -> str:
-    """The columns of a part; those of one unit together."""
+    """The columns of a part; columns of one unit together."""
     groups = groupby(part.columns, key=lambda column: column.unit)
     words = [
         ", ".join(f"`{column.name}`" for column in group) + (f" ({unit})" if unit else "") for unit, group in groups

@@ -67,9 +67,9 @@ class Registry:
     @cached_property
     def plugins(self) -> dict[str, EntryPoint]:
         """Entry points of other packages by name; those whose name is taken are skipped with a `PluginWarning`."""
-        found: dict[str, EntryPoint] = {}
+        points: dict[str, EntryPoint] = {}
         for point in sorted(entry_points(group=self.group), key=lambda point: (point.name, point.value)):
-            if point.name in self.built_in or point.name in found:
+            if point.name in self.built_in or point.name in points:
                 warnings.warn(
                     f"{self.kind} plug-in {point.name!r} ({point.value}) is skipped: the name is taken; "
                     "rename the entry point",
@@ -77,8 +77,8 @@ class Registry:
                     stacklevel=2,
                 )
             else:
-                found[point.name] = point
-        return found
+                points[point.name] = point
+        return points
 
     def __iter__(self) -> Iterator[str]:
         return iter((*self.built_in, *self.plugins, *self.registered))
@@ -86,7 +86,7 @@ class Registry:
     def __contains__(self, name: object) -> bool:
         return name in self.built_in or name in self.plugins or name in self.registered
 
-    def register(self, name: str, found: Any) -> None:
+    def register(self, name: str, item: Any) -> None:
         """Give an object of this program, as of a notebook, a name; a former object of that name is replaced.
 
         Worker processes of `generate_dataset` and `evaluate` get it with its code. Other programs do not know it: to
@@ -94,7 +94,7 @@ class Registry:
 
         Args:
             name: as in a scenario, `person: {model: NAME}`.
-            found: what an entry point of a plug-in would name.
+            item: what an entry point of a plug-in would name.
 
         Raises:
             ValueError: a built-in object or a plug-in has that name, or metrics are meant, of which functions take
@@ -106,9 +106,9 @@ class Registry:
             raise ValueError("metrics cannot be registered; give them as objects: measure(record, [metric])")
         if name in self.built_in or name in self.plugins:
             raise ValueError(f"a {self.kind} named {name!r} exists already; choose another name")
-        self.registered[name] = found
+        self.registered[name] = item
 
-    def load(self, name: str, check: Check = lambda found: None) -> Any:
+    def load(self, name: str, check: Check = lambda item: None) -> Any:
         """Import an object.
 
         Args:
@@ -129,23 +129,23 @@ class Registry:
             return self.registered[name]
         if name not in self._loaded:
             if name in self.built_in:
-                found = resolve(self.built_in[name])
+                item = resolve(self.built_in[name])
             elif name in self.plugins:
-                found = self._load_plugin(self.plugins[name], check)
+                item = self._load_plugin(self.plugins[name], check)
             else:
                 raise self.error(self.unknown(name))
-            self._loaded[name] = found
+            self._loaded[name] = item
         return self._loaded[name]
 
-    def load_all(self, check: Check = lambda found: None) -> dict[str, Any]:
+    def load_all(self, check: Check = lambda item: None) -> dict[str, Any]:
         """All objects by name; a plug-in that does not load or fails the check is skipped with a `PluginWarning`."""
-        found = {name: self.load(name) for name in self.built_in}
+        items = {name: self.load(name) for name in self.built_in}
         for name in self.plugins:
             try:
-                found[name] = self.load(name, check)
+                items[name] = self.load(name, check)
             except Sonata2dError as error:
                 warnings.warn(f"{error}; skipped", PluginWarning, stacklevel=2)
-        return found
+        return items
 
     def unknown(self, name: str) -> str:
         """The error message for an unknown name: with the closest name, else with all names."""
@@ -156,15 +156,15 @@ class Registry:
     def _load_plugin(self, point: EntryPoint, check: Check) -> Any:
         plugin = f"{self.kind} plug-in {point.name!r} ({point.value})"
         try:
-            found = point.load()
+            item = point.load()
         except BaseException as error:  # importing another package can raise anything
             interruption.reraise(error)
             raise self.error(f"{plugin} does not load: {described(error)}") from error
-        reason = check(found)
+        reason = check(item)
         if reason is not None:
             raise self.error(f"{plugin} {reason}")
         logger.info("loaded the %s", plugin)
-        return found
+        return item
 
 
 def resolve(location: str) -> Any:
@@ -282,9 +282,9 @@ def furniture_type(name: str) -> FurnitureType:
     return kind
 
 
-def _furniture_problem(found: object) -> str | None:
+def _furniture_problem(item: object) -> str | None:
     """Why an object cannot be used as a type of furniture, or None."""
-    if isinstance(found, FurnitureType):
+    if isinstance(item, FurnitureType):
         return None
     return "is not a FurnitureType; it must be a sonata2d.FurnitureType(...)"
 
@@ -317,11 +317,11 @@ def registered_objects() -> bytes:
     """
     pickled: dict[str, dict[str, bytes]] = {}
     for kind, registry in _REGISTRIES.items():
-        for name, found in registry.registered.items():
+        for name, item in registry.registered.items():
             import cloudpickle  # sends classes of a notebook with their code
 
             try:
-                pickled.setdefault(kind, {})[name] = cloudpickle.dumps(found)
+                pickled.setdefault(kind, {})[name] = cloudpickle.dumps(item)
             except Exception as error:  # whatever the object does
                 raise registry.error(
                     f"{kind} {name!r} cannot be sent to other processes: {described(error)}; use one worker"
@@ -342,7 +342,7 @@ def restore_registered(content: bytes) -> None:
     if content == _restored:  # as for the former item
         return
     for kind, objects in pickle.loads(content).items() if content else ():
-        _REGISTRIES[kind].registered = {name: pickle.loads(found) for name, found in objects.items()}
+        _REGISTRIES[kind].registered = {name: pickle.loads(item) for name, item in objects.items()}
     _restored = content
 
 
@@ -354,10 +354,10 @@ def registered_hashes(settings: Any) -> dict[str, str]:
     """
     words = set(_texts(settings))
     return {
-        f"{kind} {name}": code_sha256(found)
+        f"{kind} {name}": code_sha256(item)
         for kind, registry in _REGISTRIES.items()
-        for name, found in registry.registered.items()
-        if not words.isdisjoint((name, getattr(found, "count", name)))  # furniture may be named by its count only
+        for name, item in registry.registered.items()
+        if not words.isdisjoint((name, getattr(item, "count", name)))  # furniture may be named by its count only
     }
 
 

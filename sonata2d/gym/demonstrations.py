@@ -173,21 +173,23 @@ def save_minari(name: str, demonstrations: list[Demonstration], env: Env, **abou
         from minari.data_collector import EpisodeBuffer
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError("save_minari needs Minari; pip install 'minari[hdf5]'", name=error.name) from error
-    buffers, demonstrations = [], [one for one in demonstrations if len(one.actions)]
+    buffers, demonstrations = [], [item for item in demonstrations if len(item.actions)]
     if not demonstrations:
         raise ValueError("the demonstrations have no step, so there is nothing to save")
     if not env.observation_space.contains(demonstrations[0].observations[0]):
         raise ValueError(
             "the demonstrations have other observations than the environment; give the one of `demonstrate`"
         )
-    for k, one in enumerate(demonstrations):
-        count = len(one.actions)
+    for k, demonstration in enumerate(demonstrations):
+        count = len(demonstration.actions)
         terminations, truncations = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
-        terminations[-1], truncations[-1] = one.terminated, one.truncated or not one.terminated
+        terminations[-1] = demonstration.terminated
+        truncations[-1] = demonstration.truncated or not demonstration.terminated
         buffers.append(
             EpisodeBuffer(
-                id=k, observations=stacked(env.observation_space, one.observations), actions=one.actions,
-                rewards=list(one.rewards), terminations=list(terminations), truncations=list(truncations),
+                id=k, observations=stacked(env.observation_space, demonstration.observations),
+                actions=demonstration.actions, rewards=list(demonstration.rewards),
+                terminations=list(terminations), truncations=list(truncations),
             )
         )  # fmt: skip
     known = {"env": env} if _can_be_made(env) else {}

@@ -99,7 +99,9 @@ def _wall_count(room: RoomConfig) -> int:
     """The largest number of walls of floor plans drawn from each kind of room that is possible."""
     kinds = [None] if room.polygon is not None else [kind for kind, weight in room.kinds.items() if weight > 0.0]
     rooms = [room if kind is None else room.model_copy(update={"kinds": {kind: 1.0}}) for kind in kinds]
-    return max(len(draw_floor_plan(one, RandomStream(k, 0, "scene")).walls) for one in rooms for k in range(_SAMPLES))
+    return max(
+        len(draw_floor_plan(config, RandomStream(k, 0, "scene")).walls) for config in rooms for k in range(_SAMPLES)
+    )
 
 
 def _members(config: ScenarioConfig) -> int:

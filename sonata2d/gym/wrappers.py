@@ -357,21 +357,21 @@ class Graph(EpisodeWrapper):
         sizes = self._base.encoder.sizes
         nodes = 2 + sizes.humans + sizes.objects + sizes.walls
         count = 2 * (nodes - 1) + 2 * sizes.interactions
-        bound, one = np.full((nodes, len(NODE_FEATURES)), FARTHEST, dtype=np.float32), np.float32(1.0)
+        bound, unit = np.full((nodes, len(NODE_FEATURES)), FARTHEST, dtype=np.float32), np.float32(1.0)
         self._to_robot = np.array([(k, 0) for k in range(1, nodes)] + [(0, k) for k in range(1, nodes)])
         self.observation_space = spaces.Dict(
             {
                 "nodes": spaces.Box(-bound, bound, dtype=np.float32),
-                "nodes_mask": spaces.Box(np.float32(0.0), one, (nodes,), np.float32),
+                "nodes_mask": spaces.Box(np.float32(0.0), unit, (nodes,), np.float32),
                 "edges": spaces.Box(0, nodes - 1, (count, 2), np.int64),
                 "edge_types": spaces.MultiDiscrete([len(EDGE_TYPES)] * count),
-                "edges_mask": spaces.Box(np.float32(0.0), one, (count,), np.float32),
+                "edges_mask": spaces.Box(np.float32(0.0), unit, (count,), np.float32),
             }
         )
 
     def observation(self, observation: Observation) -> Observation:
         robot, goal, humans, objects, walls = (Table(part, observation[part.name]) for part in STANDARD[:5])
-        one = np.ones(1, dtype=np.float32)
+        unit = np.ones(1, dtype=np.float32)
         human_mask, object_mask, wall_mask = (observation[f"{kind}_mask"] for kind in ("humans", "objects", "walls"))
         robot_size, goal_size, depth = 2.0 * robot["radius"], 2.0 * goal["distance"], 2.0 * humans["radius"]
         breadth = 2.0 * (humans["radius"] + humans["shoulder"])
@@ -380,15 +380,15 @@ class Graph(EpisodeWrapper):
         size = np.sqrt(along_x * along_x + along_y * along_y)
         cos, sin = along_x / np.maximum(size, 1e-6), along_y / np.maximum(size, 1e-6)
         blocks = [
-            _nodes("robot", one, cos=1.0, length=robot_size, width=robot_size, **robot.columns("vx", "vy", "omega")),
-            _nodes("goal", one, length=goal_size, width=goal_size, **goal.columns("x", "y", "cos", "sin")),
+            _nodes("robot", unit, cos=1.0, length=robot_size, width=robot_size, **robot.columns("vx", "vy", "omega")),
+            _nodes("goal", unit, length=goal_size, width=goal_size, **goal.columns("x", "y", "cos", "sin")),
             _nodes("human", human_mask, length=depth, width=breadth, **humans.columns(*_MOTION)),
             _nodes("object", object_mask, **objects.columns("x", "y", "cos", "sin", "length", "width")),
             _nodes("wall", wall_mask, x=middle_x, y=middle_y, cos=cos, sin=sin, length=size),
         ]
         blocks[2][np.arange(len(humans)), _FEATURE[ACTIVITIES[0]] + observation["activities"]] = human_mask
         blocks[3][np.arange(len(objects)), _FEATURE[OBJECT_TYPES[0]] + observation["object_types"]] = object_mask
-        mask = np.concatenate((one, one, human_mask, object_mask, wall_mask))
+        mask = np.concatenate((unit, unit, human_mask, object_mask, wall_mask))
         return {"nodes": np.concatenate(blocks), "nodes_mask": mask, **self._edges(observation, mask)}
 
     def _edges(self, observation: Observation, nodes_mask: Floats32) -> Observation:

@@ -165,24 +165,24 @@ class World:
 
     def _build_contacts(self) -> tuple[Contact, ...]:
         guard = self._buffers.guard
-        found: dict[tuple[Literal["human", "object", "wall"], int], int] = {}
+        faults: dict[tuple[Literal["human", "object", "wall"], int], int] = {}
         for k in np.flatnonzero(guard.human_contact).tolist():
-            found["human", self.scene.humans[k].id] = int(guard.human_contact[k])
+            faults["human", self.scene.humans[k].id] = int(guard.human_contact[k])
         for k in np.flatnonzero(guard.barrier_contact).tolist():
             owner, id = self.scene.barrier_owner[k]
             kind: Literal["wall", "object"] = "wall" if owner == "wall" else "object"
-            found[kind, id] = found.get((kind, id), 0) | int(guard.barrier_contact[k])
+            faults[kind, id] = faults.get((kind, id), 0) | int(guard.barrier_contact[k])
         return tuple(
-            Contact(kind, id, bool(found[kind, id] & ROBOT_AT_FAULT), bool(found[kind, id] & OTHER_AT_FAULT))
-            for kind, id in sorted(found, key=lambda key: (_CONTACT_ORDER[key[0]], key[1]))
+            Contact(kind, id, bool(faults[kind, id] & ROBOT_AT_FAULT), bool(faults[kind, id] & OTHER_AT_FAULT))
+            for kind, id in sorted(faults, key=lambda key: (_CONTACT_ORDER[key[0]], key[1]))
         )
 
     def _set_seats(self, seats: tuple[tuple[int, int], ...]) -> None:
         """Let pedestrians collide with all seats but their own, which `CrowdCommands.seats` lists."""
-        own = dict(seats)
+        seat_of = dict(seats)
         for k in {k for k, _ in self._seats + seats}:
             for shape in self._bodies[k].shapes:
-                shape.filter = pymunk.ShapeFilter(group=_seat_group(own[k]) if k in own else 0)
+                shape.filter = pymunk.ShapeFilter(group=_seat_group(seat_of[k]) if k in seat_of else 0)
         self._seats = seats
 
     def _update_presence(self, leaving: tuple[int, ...]) -> None:

@@ -33,8 +33,8 @@ class Entry(Settings):
     Attributes:
         name: key of the answer.
         required: whether the participant has to answer.
-        personal: whether the answer is stored with the personal answers, which exports leave out; by default, those of
-            `demographics` are.
+        personal: whether the answer is stored with the personal answers, which exports leave out; by default, the
+            answers to `demographics` are.
     """
 
     translated: ClassVar[tuple[str, ...]] = ()
@@ -80,8 +80,8 @@ class Question(Entry):
         kind: name of the kind, which may have further keys.
         question: the question, or the heading of a table.
         required: whether the participant has to answer.
-        personal: whether the answer is stored with the personal answers, which exports leave out; by default, those of
-            `demographics` are.
+        personal: whether the answer is stored with the personal answers, which exports leave out; by default, the
+            answers to `demographics` are.
     """
 
     renderer: ClassVar[str] = "text"  # key of RENDERERS in web/static/questions.js

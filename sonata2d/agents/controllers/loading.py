@@ -108,7 +108,7 @@ class ControllerSource:
     """Recipe from which each process of a batch creates the controller.
 
     Args:
-        given: a name as for `load_controller`, a class derived from `Controller`, or an object of one.
+        controller: a name as for `load_controller`, a class derived from `Controller`, or an object of one.
 
     Attributes:
         name: under which files record the controller.
@@ -117,21 +117,21 @@ class ControllerSource:
         TypeError: it is something else.
     """
 
-    def __init__(self, given: str | Controller | type[Controller]) -> None:
-        if isinstance(given, type) and (problem := _problem(given)):
-            raise TypeError(f"{given.__name__} {problem}")
-        if not isinstance(given, str | Controller | type):
+    def __init__(self, controller: str | Controller | type[Controller]) -> None:
+        if isinstance(controller, type) and (problem := _problem(controller)):
+            raise TypeError(f"{controller.__name__} {problem}")
+        if not isinstance(controller, str | Controller | type):
             raise TypeError(
                 "a controller is a name, a class derived from sonata2d.Controller or an object of one, got "
-                f"{shown(given)}"
+                f"{shown(controller)}"
             )
-        self._given: Any = given
+        self._given: Any = controller
         self._pickled = b""
         self._files: dict[str, bytes] = {}
-        if isinstance(given, str):
-            self.name = given
+        if isinstance(controller, str):
+            self.name = controller
         else:
-            self.name = recorded_path(given if isinstance(given, type) else type(given))
+            self.name = recorded_path(controller if isinstance(controller, type) else type(controller))
 
     def create(self) -> Controller:
         """The controller: a new one of a name or class, or the object itself; in another process a copy of it.
@@ -175,7 +175,7 @@ class ControllerSource:
                 ) from error
         files = {}
         for part in _split_pair(self.name) if isinstance(self._given, str) else ():
-            place = next((one for one in (part, part.rpartition(":")[0]) if one and os.path.isfile(one)), None)
+            place = next((file for file in (part, part.rpartition(":")[0]) if file and os.path.isfile(file)), None)
             if place is not None:
                 files[place] = Path(place).read_bytes()
         return {"name": self.name, "_pickled": self._pickled, "_given": None, "_files": files or self._files}
@@ -200,7 +200,7 @@ def is_installed(name: str, settings: Mapping[str, Any]) -> bool:
     driver, labeller = _split_pair(name)
     if labeller:
         pair = (driver, settings.get("driver")), (labeller, settings.get("labeller"))
-        return all(is_installed(part, own or {}) for part, own in pair)
+        return all(is_installed(part, weights or {}) for part, weights in pair)
     is_known = name in CONTROLLERS or name in CONTROLLERS.built_in.values()
     return is_known and settings.get("weights") is None
 
@@ -328,41 +328,41 @@ def _import_file(path: Path) -> ModuleType:
 
 def _find_class(module: ModuleType, attribute: str, name: str) -> type[Controller]:
     """The controller class `attribute` of a module; `name` is the full name, for messages."""
-    found = getattr(module, attribute, None)
-    if found is None:
+    item = getattr(module, attribute, None)
+    if item is None:
         classes = [k for k, v in vars(module).items() if _is_controller_class(v)]
         hint = f"its controllers are {', '.join(classes)}" if classes else "it defines no Controller class"
         raise ControllerError(f"{name}: {module.__name__} has no attribute {attribute!r}; {hint}")
-    problem = _problem(found)
+    problem = _problem(item)
     if problem is not None:
         raise ControllerError(f"{name} {problem}")
-    assert isinstance(found, type)
-    return found
+    assert isinstance(item, type)
+    return item
 
 
 def _only_class(module: ModuleType, name: str) -> type[Controller]:
     """The controller class that a file defines, if it defines just one; `name` is the path of the file."""
-    own = [v for v in vars(module).values() if isinstance(v, type) and v.__module__ == module.__name__]
-    classes = [one for one in own if _is_controller_class(one)]
+    kinds = [v for v in vars(module).values() if isinstance(v, type) and v.__module__ == module.__name__]
+    classes = [kind for kind in kinds if _is_controller_class(kind)]
     if len(classes) != 1:
-        if not classes and len(own) == 1 and (problem := _problem(own[0])):
-            raise ControllerError(f"{name}:{own[0].__name__} {problem}")
-        found = ", ".join(one.__name__ for one in classes) or "no Controller class"
-        raise ControllerError(f"{name} defines {found}; name one Controller class, as in {name}:Name")
+        if not classes and len(kinds) == 1 and (problem := _problem(kinds[0])):
+            raise ControllerError(f"{name}:{kinds[0].__name__} {problem}")
+        names = ", ".join(kind.__name__ for kind in classes) or "no Controller class"
+        raise ControllerError(f"{name} defines {names}; name one Controller class, as in {name}:Name")
     found_class: type[Controller] = classes[0]
     return found_class
 
 
-def _problem(found: object) -> str | None:
+def _problem(item: object) -> str | None:
     """Why an object cannot be used as a controller class, or None."""
-    if _is_controller_class(found):
+    if _is_controller_class(item):
         return None
-    if isinstance(found, type) and issubclass(found, Controller):
-        missing = ", ".join(sorted(found.__abstractmethods__))
+    if isinstance(item, type) and issubclass(item, Controller):
+        missing = ", ".join(sorted(item.__abstractmethods__))
         return f"is a Controller class without the method {missing}; write def act(self, snapshot)"
     return "is not a Controller class; write class X(sonata2d.Controller) with a method act"
 
 
-def _is_controller_class(found: object) -> bool:
+def _is_controller_class(item: object) -> bool:
     """Whether an object is a subclass of `Controller` without abstract methods."""
-    return isinstance(found, type) and issubclass(found, Controller) and not inspect.isabstract(found)
+    return isinstance(item, type) and issubclass(item, Controller) and not inspect.isabstract(item)

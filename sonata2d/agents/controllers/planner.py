@@ -518,12 +518,12 @@ def _end_cost(
 def _nearby_barriers(numbers: Array, barriers: Array, position: Point) -> IntArray:
     """Indices of the barriers that the robot can reach within the horizon."""
     reach = numbers[MAX_SPEED] * HORIZON + numbers[ROBOT_RADIUS] + 0.1
-    found, count = np.empty(len(barriers), dtype=np.int64), 0
+    near, count = np.empty(len(barriers), dtype=np.int64), 0
     for k in range(len(barriers)):
         if gap(barriers, k, position[0], position[1]) < reach:
-            found[count] = k
+            near[count] = k
             count += 1
-    return found[:count]
+    return near[:count]
 
 
 @subroutine

@@ -198,12 +198,14 @@ def _insert(grid: Grid, i: int, x: float, y: float) -> None:
 
 
 @subroutine
-def _append_near(grid: Grid, x: float, y: float, found: IntArray, count: int) -> int:
+def _append_near(grid: Grid, x: float, y: float, candidates: IntArray, count: int) -> int:
     """Append the pedestrians within the range of (x, y) to the first `count` found ones; returns their new number."""
     column, row = _cell(grid, x, y)
     for c in range(max(column - 1, 0), min(column + 2, grid.columns)):
         for r in range(max(row - 1, 0), min(row + 2, grid.rows)):
             for n in range(grid.begin[c * grid.rows + r], grid.end[c * grid.rows + r]):
-                found[count] = grid.pedestrian[n]  # without a branch, which would cost more: the next one overwrites it
+                candidates[count] = grid.pedestrian[
+                    n
+                ]  # without a branch, which would cost more: the next one overwrites it
                 count += _is_within_range(grid.x[n] - x, grid.y[n] - y)
     return count

@@ -64,8 +64,8 @@ class Passages(NamedTuple):
 def find_passages(scene: Scene) -> Passages:
     """The narrow passages between walls and furniture that have room for those who wait on both sides."""
     table = scene.barriers.table
-    found = np.zeros((4 * len(table), 5))
-    ends = found[: _find_ends(table, found)]
+    narrow = np.zeros((4 * len(table), 5))
+    ends = narrow[: _find_ends(table, narrow)]
     ends = ends[inside_polygon(ends[:, :2], scene.outline)]
     groups: list[list[Array]] = []
     for end in ends:
@@ -129,12 +129,12 @@ def _side_with_room(scene: Scene, x: float, y: float, ux: float, uy: float, ahea
 
 
 @kernel
-def _find_ends(barriers: Array, found: Array) -> int:
+def _find_ends(barriers: Array, narrow: Array) -> int:
     """Find the narrow places at the ends of barriers.
 
     Args:
         barriers: rows of `Barriers.table`.
-        found: (M, 5), is filled: middle, m; unit vector from one side to the other; width, m.
+        narrow: (M, 5), is filled: middle, m; unit vector from one side to the other; width, m.
 
     Returns:
         Number of rows that were filled.
@@ -147,12 +147,12 @@ def _find_ends(barriers: Array, found: Array) -> int:
                 dx, dy = towards(barriers, j, x, y)
                 size = max(length(dx, dy), 1e-6)
                 width = size - barriers[k, RADIUS] - barriers[j, RADIUS]
-                if not NARROWEST < width < WIDEST or count == len(found):
+                if not NARROWEST < width < WIDEST or count == len(narrow):
                     continue
                 ux, uy, middle = dx / size, dy / size, barriers[k, RADIUS] + 0.5 * width
                 mx, my = x + ux * middle, y + uy * middle
                 if _is_free(barriers, mx, my, 0.5 * width - 1e-6):
-                    row = found[count]
+                    row = narrow[count]
                     row[0], row[1], row[2], row[3], row[4] = mx, my, ux, uy, width
                     count += 1
     return count
@@ -263,13 +263,13 @@ def _choose_holder(passages: Passages, g: int, dt: float) -> None:
                 first = -1
             right = min(right, distance)
     holder = passages.holder[g]
-    own, other = (left, right) if holder > 0 else (right, left)
+    to_holder, to_other_side = (left, right) if holder > 0 else (right, left)
     if holder != 0:
-        passages.waited[g] = passages.waited[g] + dt if other < CLAIM else 0.0
-        if passages.waited[g] > PATIENCE and own > 0.0:
+        passages.waited[g] = passages.waited[g] + dt if to_other_side < CLAIM else 0.0
+        if passages.waited[g] > PATIENCE and to_holder > 0.0:
             passages.holder[g], passages.waited[g] = -holder, 0.0
             return
-        if own < CLAIM:
+        if to_holder < CLAIM:
             return
     passages.waited[g] = 0.0
     passages.holder[g] = first if min(left, right) < CLAIM else 0

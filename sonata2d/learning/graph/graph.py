@@ -115,9 +115,9 @@ class Nodes:
     def _all_edges(self, interactions: Sequence[tuple[Interaction, ...]]) -> tuple[IntArray, IntArray]:
         count, nodes = len(self), np.arange(len(self))
         parts = []
-        for i, own in enumerate(interactions):
+        for i, relations in enumerate(interactions):
             first = (i * count, i * count, 0)
-            parts += [self._static_edges + first, self._interaction_edges(own) + first]
+            parts += [self._static_edges + first, self._interaction_edges(relations) + first]
         for i in range(1, len(interactions)):
             older, to_newest = nodes + i * count, np.full(count, len(RELATIONS) + 2 * (i - 1))
             pairs = np.array([[older, nodes, to_newest], [nodes, older, to_newest + 1]])

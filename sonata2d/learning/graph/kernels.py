@@ -190,15 +190,20 @@ def modern_inputs(features: Array, goal: int, inputs: Array) -> None:
         inputs: (N, 31), written; `INPUTS`.
     """
     for k in range(len(features)):
-        row, given = inputs[k], features[k]
+        row, feature = inputs[k], features[k]
         for column in range(_NEAREST):
-            row[column] = given[column]
-        row[_POSITION], row[_POSITION + 1] = given[_POSITION] / POSITION_SCALE, given[_POSITION + 1] / POSITION_SCALE
-        row[_TO_NEAREST], row[_TO_NEAREST + 1], _ = _direction_and_length(given[_NEAREST], given[_NEAREST + 1])
-        row[_TO_CENTRE], row[_TO_CENTRE + 1], distance = _direction_and_length(given[_POSITION], given[_POSITION + 1])
+            row[column] = feature[column]
+        row[_POSITION], row[_POSITION + 1] = (
+            feature[_POSITION] / POSITION_SCALE,
+            feature[_POSITION + 1] / POSITION_SCALE,
+        )
+        row[_TO_NEAREST], row[_TO_NEAREST + 1], _ = _direction_and_length(feature[_NEAREST], feature[_NEAREST + 1])
+        row[_TO_CENTRE], row[_TO_CENTRE + 1], distance = _direction_and_length(
+            feature[_POSITION], feature[_POSITION + 1]
+        )
         row[_DISTANCE] = distance / POSITION_SCALE
-        row[_SCALED_GAP] = min(given[_GAP], LARGEST_DISTANCE) / NEAR
-        free = max(given[_GAP], 0.0)
+        row[_SCALED_GAP] = min(feature[_GAP], LARGEST_DISTANCE) / NEAR
+        free = max(feature[_GAP], 0.0)
         row[_SCALED_GAP + 1], row[_SCALED_GAP + 2] = exp(-free / CLOSE), exp(-free / NEAR)
         x, y, distance = _direction_and_length(features[goal, _POSITION], features[goal, _POSITION + 1])
         row[_TO_GOAL], row[_TO_GOAL + 1] = x, y

@@ -77,20 +77,20 @@ def find_near(guard: Guard, bodies: Array, barriers: Array, rules: Array) -> Non
     guard.counts[2] = 0
     last = bodies.shape[0] - 1
     x, y, vx, vy = bodies[last, X], bodies[last, Y], bodies[last, VX], bodies[last, VY]
-    own = max(math.sqrt(vx * vx + vy * vy), rules[OWN_SPEED]) * rules[TICK]
-    found = 0
+    reach = max(math.sqrt(vx * vx + vy * vy), rules[OWN_SPEED]) * rules[TICK]
+    count = 0
     for k in range(last):
         dx, dy = bodies[k, X] - x, bodies[k, Y] - y
         widest = guard.radius[k] + guard.shoulder[k] + rules[ROBOT_RADIUS]
-        if math.sqrt(dx * dx + dy * dy) - widest < own + rules[HUMAN_RANGE]:
-            guard.near[found] = k
-            found += 1
-    guard.counts[0] = found
+        if math.sqrt(dx * dx + dy * dy) - widest < reach + rules[HUMAN_RANGE]:
+            guard.near[count] = k
+            count += 1
+    guard.counts[0] = count
     for k in range(barriers.shape[0]):
-        if gap(barriers, k, x, y) - rules[ROBOT_RADIUS] < own + BARRIER_RANGE:
-            guard.near[found] = k
-            found += 1
-    guard.counts[1] = found - guard.counts[0]
+        if gap(barriers, k, x, y) - rules[ROBOT_RADIUS] < reach + BARRIER_RANGE:
+            guard.near[count] = k
+            count += 1
+    guard.counts[1] = count - guard.counts[0]
 
 
 @subroutine

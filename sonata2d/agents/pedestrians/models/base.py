@@ -148,10 +148,10 @@ def checked_acceleration(model: PedestrianModel, walkers: Walkers) -> Array:
     answer = model.acceleration(walkers)
     acceleration: Array = np.ascontiguousarray(answer, dtype=float)
     if acceleration.shape != walkers.position.shape:
-        found = f"shape {acceleration.shape}" if isinstance(answer, np.ndarray) else repr(answer)
+        problem = f"shape {acceleration.shape}" if isinstance(answer, np.ndarray) else repr(answer)
         raise ValueError(
             f"{type(model).__name__}.acceleration must return an array of shape {walkers.position.shape}, one row for "
-            f"each agent, got {found}"
+            f"each agent, got {problem}"
         )
     return acceleration
 
@@ -166,10 +166,10 @@ def pedestrian_model(name: str) -> type[PedestrianModel]:
     return model
 
 
-def _problem(found: object) -> str | None:
+def _problem(item: object) -> str | None:
     """Why an object cannot be used as a pedestrian model, or None."""
-    missing = [name for name in ("acceleration", "evaluations", "headed") if not hasattr(found, name)]
-    if not isinstance(found, type):
+    missing = [name for name in ("acceleration", "evaluations", "headed") if not hasattr(item, name)]
+    if not isinstance(item, type):
         return "is not a pedestrian model; it must be a class"
     return f"is not a pedestrian model; it lacks {', '.join(missing)}" if missing else None
 

@@ -38,7 +38,7 @@ def joining_positions(members: list[Point], facing_point: Point, newcomer: Point
     centre = _mean(members)
     spokes = [_unit(x - centre[0], y - centre[1]) for x, y in members]  # unit vectors from the centre
     radius = max(*(length(x - centre[0], y - centre[1]) for x, y in members), MINIMUM_RADIUS[len(members) + 1])
-    found = []
+    ranked = []
     for a, b in combinations(spokes, 2):
         x, y = a[0] + b[0], a[1] + b[1]
         if length(x, y) < 0.05:  # opposite members: the bisector is undefined
@@ -48,8 +48,8 @@ def joining_positions(members: list[Point], facing_point: Point, newcomer: Point
             # The largest cosine to a member: the smaller, the wider the gap. Rounded, so that equal gaps compare equal.
             nearest = round(max(ux * s + uy * t for s, t in spokes), 1)
             position = centre[0] + radius * ux, centre[1] + radius * uy
-            found.append((nearest, distance(position, newcomer), position))
-    return [(centre, position) for _, _, position in sorted(found)]
+            ranked.append((nearest, distance(position, newcomer), position))
+    return [(centre, position) for _, _, position in sorted(ranked)]
 
 
 def widen(member: Point, centre: Point, count: int) -> Point:
@@ -67,13 +67,13 @@ def distance(a: Point, b: Point) -> float:
 def _facing_positions(member: Point, facing_point: Point, newcomer: Point) -> list[tuple[Point, Point]]:
     """Positions opposite a single member: straight ahead first, then half aside, the nearer side first."""
     ux, uy = _unit(facing_point[0] - member[0], facing_point[1] - member[1])
-    found = []
+    ranked = []
     for rank, (c, s) in enumerate(_DIRECTIONS):
         x, y = PAIR_DISTANCE * (ux * c - uy * s), PAIR_DISTANCE * (uy * c + ux * s)
         position = member[0] + x, member[1] + y
         centre = (member[0] + x / 2, member[1] + y / 2)
-        found.append((min(rank, 1), distance(position, newcomer), centre, position))
-    return [(centre, position) for _, _, centre, position in sorted(found)]
+        ranked.append((min(rank, 1), distance(position, newcomer), centre, position))
+    return [(centre, position) for _, _, centre, position in sorted(ranked)]
 
 
 def _triangle_positions(a: Point, b: Point, newcomer: Point) -> list[tuple[Point, Point]]:
@@ -81,13 +81,13 @@ def _triangle_positions(a: Point, b: Point, newcomer: Point) -> list[tuple[Point
     (ax, ay), (bx, by) = a, b
     ux, uy = _unit(bx - ax, by - ay)
     height = min(max(0.866 * length(bx - ax, by - ay), 1.5 * MINIMUM_RADIUS[3]), MAXIMUM_TRIANGLE_HEIGHT)
-    found = []
+    ranked = []
     for side in (1.0, -1.0):
         x, y = -uy * height * side, ux * height * side
         position = ((ax + bx) / 2 + x, (ay + by) / 2 + y)
         centre = ((ax + bx) / 2 + x / 3, (ay + by) / 2 + y / 3)
-        found.append((distance(position, newcomer), centre, position))
-    return [(centre, position) for _, centre, position in sorted(found)]
+        ranked.append((distance(position, newcomer), centre, position))
+    return [(centre, position) for _, centre, position in sorted(ranked)]
 
 
 def _mean(points: list[Point]) -> Point:
