@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -22,6 +24,16 @@ hypothesis.settings.register_profile("sonata2d", deadline=None)  # the first cal
 hypothesis.settings.load_profile("sonata2d")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background job; programs under test would inherit it
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile all kernels with all processors before a run with several processes, if none is compiled yet."""
+    if compiled.IS_COMPILED and getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
+        from sonata2d.core.compiled import cache as kernel_cache
+
+        folder = kernel_cache.writable_folder()
+        if folder is not None and not any(folder.glob("*.kernel")):
+            subprocess.run([sys.executable, "-m", "tests.compile_kernels"], cwd=config.rootpath, check=True)
 
 
 @pytest.fixture(autouse=True)

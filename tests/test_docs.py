@@ -29,6 +29,7 @@ def text_of(page: str) -> str:
     return (ROOT / page).read_text(encoding="utf-8")
 
 
+@pytest.mark.docs
 @pytest.mark.parametrize("page", [page for page in PAGES if page not in PARSED and BLOCK.search(text_of(page))])
 def test_every_example_runs_in_the_order_of_the_page(
     page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -109,9 +110,12 @@ def test_readme_gives_two_commands_and_the_gate_runs_the_second() -> None:
     assert "'.[test]'" in commands[1]
     assert "'.[test]'" in gate
     assert commands[1].endswith(".venv/bin/python -m pytest -n 2")
-    assert gate.strip().splitlines()[-1].startswith(".venv/bin/python -m pytest -n 2")
+    *_, documentation, last = gate.strip().splitlines()
+    assert last == ".venv/bin/python -m pytest -n 2"
+    assert documentation == f"{last} -m docs"
 
 
+@pytest.mark.docs
 @pytest.mark.parametrize("name", ["home", "office", "clinic_corridor"])
 def test_example_scenarios_can_be_solved_by_the_expert(name: str, tmp_path: Path) -> None:
     import sonata2d as s2

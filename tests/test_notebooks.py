@@ -31,6 +31,8 @@ SMALL: dict[str, dict[str, int | float]] = {  # values with which each notebook 
     "graph-network": {"RUNS": 6, "AGGREGATED": 2, "EPOCHS": 1, "EPISODES": 3, "WORKERS": 1},
 }
 
+pytestmark = pytest.mark.docs
+
 each_notebook = pytest.mark.parametrize("name", NOTEBOOKS)
 
 

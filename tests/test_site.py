@@ -18,6 +18,8 @@ from filelock import FileLock
 
 ROOT = Path(__file__).parent.parent
 
+pytestmark = pytest.mark.docs
+
 
 def script(name: str) -> ModuleType:
     """A script of docs/."""
