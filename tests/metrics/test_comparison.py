@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import gc
 import json
+import sys
 from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -207,7 +209,8 @@ def test_episodes_of_several_scenarios_have_different_ids() -> None:
         dataset["000000"]
 
 
-def test_episodes_of_changed_code_are_not_continued(tmp_path: Path) -> None:
+def test_episodes_of_changed_code_are_not_continued(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "__main__", ModuleType("__main__"))  # as in a notebook, without a file
     space: dict[str, Any] = {"s2": s2, "__name__": "__main__"}
     code = "class Mine(s2.Controller):\n    def act(self, snapshot):\n        return s2.Twist(vx=SPEED)\n"
     settings: dict[str, Any] = {"episodes": 1, "out": tmp_path / "kept", "rerun": False}
