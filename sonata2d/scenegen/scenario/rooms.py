@@ -7,13 +7,13 @@ from typing import Annotated, Self
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
-from pydantic_core import PydanticCustomError
 
 from ...core.bounds import NotNegative, Number
 from ...core.files.limits import MAX_COUNT
 from ...core.geometry import Barriers, Point, segments_cross
 from ...registry import ROOM_KINDS
 from .base import Entities, IntRange, Range, Settings, TupleOf, require_registered, weights_of, within
+from .problems import setting_error
 
 MIN_DOOR_WIDTH = 0.7  # m: diameter of the default robot, with its path margin on both sides
 RoomKindName = Annotated[str, AfterValidator(partial(require_registered, ROOM_KINDS))]
@@ -23,13 +23,13 @@ DoorWidth = Annotated[Range, within(f"a door must be {MIN_DOOR_WIDTH} m wide or 
 
 def _check_wall(wall: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
     if wall[:2] == wall[2:]:
-        raise PydanticCustomError("wall", "wall {wall} has no length", {"wall": list(wall)})
+        raise setting_error(f"wall {list(wall)} has no length")
     return wall
 
 
 def _check_polygon(corners: tuple[Point, ...]) -> tuple[Point, ...]:
     if not _is_simple_polygon(corners):
-        raise PydanticCustomError("polygon", "the room's edges cross or touch each other")
+        raise setting_error("the room's edges cross or touch each other")
     return corners
 
 
@@ -90,8 +90,7 @@ class RoomConfig(Settings):
         ):
             value = getattr(self, key).max
             if not value < limit:
-                context = {"value": f"{value:g}", "name": limit_name, "limit": f"{limit:g}", "path": (key,)}
-                raise PydanticCustomError("room", "{value} m must be less than {name}, which may be {limit} m", context)
+                raise setting_error(f"{value:g} m must be less than {limit_name}, which may be {limit:g} m", key)
         return self
 
 
