@@ -176,7 +176,7 @@ def _adapt_to_group(human: Human, spec: PersonSpec, humans: list[Human]) -> Huma
 def _create_human(spec: PersonSpec, id: int, defaults: PersonConfig, dt: float, rng: RandomStream) -> Human:
     # drawn even where the property is given: the order of draws is part of what a seed means
     keys = ("desired_speed", "radius", "breadth", "headway", "politeness")
-    drawn = {key: getattr(defaults, key).draw(rng) for key in keys}
+    drawn: dict[str, Any] = {key: getattr(defaults, key).draw(rng) for key in keys}
     ignores = rng.uniform() < defaults.ignores_robot
     for key in ("radius", "breadth", "desired_speed", "headway", "politeness"):
         value = getattr(spec, key)
