@@ -178,11 +178,6 @@ def _tuples(value: Any) -> Any:
 
 def software_versions() -> dict[str, str]:
     """Return the versions of sonata2d, Python, NumPy and pymunk, and the platform: all that bytes may depend on."""
-    return dict(_software_versions())
-
-
-@cache
-def _software_versions() -> dict[str, str]:
     return {
         "sonata2d": __version__,
         "python": platform.python_version(),
@@ -192,6 +187,7 @@ def _software_versions() -> dict[str, str]:
     }
 
 
+@cache
 def _version_of(package: str) -> str:
     # imported here because this import takes a tenth of the time of `import sonata2d`
     from importlib.metadata import PackageNotFoundError, version
