@@ -18,7 +18,7 @@ JsonDict = dict[str, Any]
 T = TypeVar("T")
 
 # name, unit and frame of reference of each column of the rows in frames
-ROBOT_COLUMNS = (
+_ROBOT_COLUMNS = (
     ("x", "m", "world"),
     ("y", "m", "world"),
     ("theta", "rad", "world"),
@@ -26,11 +26,11 @@ ROBOT_COLUMNS = (
     ("vy", "m/s", "world"),
     ("omega", "rad/s", "world"),
 )
-HUMAN_COLUMNS = (*ROBOT_COLUMNS, ("head", "rad", "world"))
-COMMAND_COLUMNS = (("vx", "m/s", "body"), ("vy", "m/s", "body"), ("omega", "rad/s", "body"))
+_HUMAN_COLUMNS = (*_ROBOT_COLUMNS, ("head", "rad", "world"))
+_COMMAND_COLUMNS = (("vx", "m/s", "body"), ("vy", "m/s", "body"), ("omega", "rad/s", "body"))
 
 ROBOT_NAMES, HUMAN_NAMES, COMMAND_NAMES = (
-    tuple(name for name, _, _ in table) for table in (ROBOT_COLUMNS, HUMAN_COLUMNS, COMMAND_COLUMNS)
+    tuple(name for name, _, _ in table) for table in (_ROBOT_COLUMNS, _HUMAN_COLUMNS, _COMMAND_COLUMNS)
 )
 ROW_X, ROW_Y, ROW_THETA, ROW_VX, ROW_VY, ROW_OMEGA, ROW_HEAD = range(7)  # indices of columns; robots have no head
 ROBOT_ANGLES, HUMAN_ANGLES = [ROW_THETA], [ROW_THETA, ROW_HEAD]  # columns with angles
@@ -39,7 +39,7 @@ ABSENT = -1  # activity of a pedestrian that is not present
 
 def columns() -> dict[str, list[dict[str, str]]]:
     """Return the value of the key `columns`: name, unit and frame of each column."""
-    tables = {"robot": ROBOT_COLUMNS, "humans": HUMAN_COLUMNS, "command": COMMAND_COLUMNS}
+    tables = {"robot": _ROBOT_COLUMNS, "humans": _HUMAN_COLUMNS, "command": _COMMAND_COLUMNS}
     return {
         key: [{"name": name, "unit": unit, "frame": frame} for name, unit, frame in table]
         for key, table in tables.items()

@@ -41,7 +41,7 @@ def require_valid(document: Any, path: Path) -> None:
     Raises:
         InvalidFileError: it is invalid; one line with the first finding, and all of them as `findings`.
     """
-    findings = list(findings_of(document))
+    findings = list(_findings(document))
     if findings:
         place, message = findings[0]
         rest = len(findings) - 1
@@ -61,7 +61,7 @@ def consistent_scene(scene: Scene) -> JsonDict:
     return document
 
 
-def findings_of(document: Any) -> Iterator[Finding]:
+def _findings(document: Any) -> Iterator[Finding]:
     """All violations of the schema; if there are none, all inconsistencies of the content."""
     from .models import Episode
 

@@ -154,9 +154,9 @@ def load_room_kind(name: str) -> RoomKind:
     return kind
 
 
-def _problem(found: object) -> str | None:
+def _problem(value: object) -> str | None:
     """Return why an object cannot be used as a room kind, or None."""
-    return None if isinstance(found, RoomKind) else "is not a RoomKind; it must be sonata2d.scenegen.RoomKind(draw)"
+    return None if isinstance(value, RoomKind) else "is not a RoomKind; it must be sonata2d.scenegen.RoomKind(draw)"
 
 
 def draw_floor_plan(config: RoomConfig, rng: RandomStream) -> FloorPlan:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 from typing import Any, TypeVar
 
@@ -21,6 +21,7 @@ from ..core.relations import TALKING, WALKING_TOGETHER
 from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..errors import SceneError
+from .numbering import NumberedEntities, free_ids
 from .pieces import faces_ahead
 from .placement import Layout
 from .scenario.base import Jitter, Range, Settings
@@ -111,18 +112,9 @@ def _mirrored(section: S) -> S:
 # Creation of pedestrians
 
 
-@dataclass(frozen=True, slots=True)
-class PlacedEntities:
-    """The pedestrians of `people`, their groups and their interactions."""
-
-    humans: tuple[Human, ...] = ()
-    groups: tuple[Group, ...] = ()
-    interactions: tuple[Interaction, ...] = ()
-
-
 def create_placed_entities(
     people: tuple[PersonSpec, ...], defaults: PersonConfig, dt: float, rng: RandomStream
-) -> PlacedEntities:
+) -> NumberedEntities:
     """Create the pedestrians of `people`; properties that are not given are drawn.
 
     Args:
@@ -134,8 +126,7 @@ def create_placed_entities(
     Raises:
         SceneError: no tick lies within the time span of a track.
     """
-    taken = {person.id for person in people}
-    free = (number for number in range(1, 2 * len(people) + 1) if number not in taken)
+    free = iter(free_ids({person.id for person in people}, len(people)))
     humans = [_create_human(person, person.id or next(free), defaults, dt, rng) for person in people]
     members: dict[int, list[int]] = {}
     for human in humans:
@@ -145,7 +136,7 @@ def create_placed_entities(
     humans = [_adapt_to_group(human, person, humans) for human, person in zip(humans, people, strict=True)]
     talking = {human.group for human in humans if human.behaviour == "standing"}
     pairs = ((number, pair) for number, ids in groups.items() for pair in combinations(ids, 2))
-    return PlacedEntities(
+    return NumberedEntities(
         tuple(human if human.group in groups else replace(human, group=None) for human in humans),
         tuple(_create_group(number, ids, number in talking) for number, ids in sorted(groups.items())),
         tuple(Interaction(a, TALKING if n in talking else WALKING_TOGETHER, b) for n, (a, b) in pairs),
@@ -176,12 +167,13 @@ def _adapt_to_group(human: Human, spec: PersonSpec, humans: list[Human]) -> Huma
 def _create_human(spec: PersonSpec, id: int, defaults: PersonConfig, dt: float, rng: RandomStream) -> Human:
     # drawn even where the property is given: the order of draws is part of what a seed means
     keys = ("desired_speed", "radius", "breadth", "headway", "politeness")
-    drawn: dict[str, Any] = {key: getattr(defaults, key).draw(rng) for key in keys}
+    drawn = {key: getattr(defaults, key).draw(rng) for key in keys}
     ignores = rng.uniform() < defaults.ignores_robot
     for key in ("radius", "breadth", "desired_speed", "headway", "politeness"):
         value = getattr(spec, key)
         if value is not None:
             drawn[key] = value.draw(rng) if isinstance(value, Range) else value
+    properties: Any = {key: quantised(value) for key, value in drawn.items()}
     reacts = spec.reacts_to_robot
     if reacts is None:
         # a recorded pedestrian follows its track whatever the robot does
@@ -200,7 +192,7 @@ def _create_human(spec: PersonSpec, id: int, defaults: PersonConfig, dt: float, 
         leaves=None if spec.leaves is None else max(int(spec.leaves / dt + 1.0 - _TOLERANCE), enters + 1),
         exits=spec.exits,
         stays=tuple(quantised(spec.stay.draw(rng)) for _ in spec.goals[1:]) if spec.stay.max > 0.0 else (),
-        **{key: quantised(value) for key, value in drawn.items()},
+        **properties,
     )
     if spec.track is not None:
         human = _with_track(human, spec.track, dt)
@@ -301,7 +293,7 @@ def _interpolate(track: Track, slopes: list[Point], k: int, t: float) -> Point:
 # Placement
 
 
-def check_placed_positions(placed: PlacedEntities, outline: Array, robot: Pose | None, radius: float) -> None:
+def check_placed_positions(placed: NumberedEntities, outline: Array, robot: Pose | None, radius: float) -> None:
     """Check that given positions lie in the room, and that a given robot does not start on a pedestrian.
 
     Args:
@@ -332,7 +324,7 @@ def check_placed_positions(placed: PlacedEntities, outline: Array, robot: Pose |
 
 
 def place_given(
-    config: ScenarioConfig, placed: PlacedEntities, layout: Layout, furniture: tuple[Furniture, ...]
+    config: ScenarioConfig, placed: NumberedEntities, layout: Layout, furniture: tuple[Furniture, ...]
 ) -> None:
     """Occupy the space of the given pedestrians that are present at tick 0.
 

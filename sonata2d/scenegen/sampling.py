@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from ..core.entities import Behaviour, Formation, Furniture, Human
@@ -14,11 +15,12 @@ from ..core.rng import RandomStream
 from ..registry import furniture_type, furniture_types
 from .formations import GroupLayout, talking_formation, walking_formation
 from .human_sampling import draw_human
-from .pieces import FurnitureStreams, create_piece
+from .pieces import create_piece
 from .scenario.base import Range
 from .scenario.config import ScenarioConfig
 
 Entity = Human | Furniture
+TypeStreams = Callable[[str], RandomStream]
 
 _ORIGIN = Pose(0.0, 0.0)
 _ANY_YAW = Range(-PI, PI)
@@ -56,15 +58,15 @@ def shape_of(entity: Entity) -> Shape:
     return Disc(entity.shape.circumradius) if isinstance(entity, Human) else entity.shape
 
 
-def sample_entities(config: ScenarioConfig, rng: RandomStream, streams: FurnitureStreams) -> list[EntityCluster]:
+def sample_entities(config: ScenarioConfig, rng: RandomStream, stream_of: TypeStreams) -> list[EntityCluster]:
     """Sample pedestrians and drawn furniture, as clusters: relations first, then single entities.
 
     Args:
         config: the scenario.
         rng: random stream of the scene.
-        streams: of the types of furniture.
+        stream_of: function that returns the random stream of a type of furniture by its name.
     """
-    sampler = _Sampler(config, rng, streams)
+    sampler = _Sampler(config, rng, stream_of)
     # the counts are drawn before any cluster is: the order of draws is part of what a seed means
     counts = {name: getattr(config, relation.setting).draw(rng) for name, relation in RELATION.items()}
     for name, count in counts.items():
@@ -88,14 +90,14 @@ class _Sampler:
         attended: types of drawn furniture, or of laptops on it, by this relation.
     """
 
-    def __init__(self, config: ScenarioConfig, rng: RandomStream, streams: FurnitureStreams) -> None:
+    def __init__(self, config: ScenarioConfig, rng: RandomStream, stream_of: TypeStreams) -> None:
         self.config, self.rng = config, rng
         self.clusters: list[EntityCluster] = []
         standing, wandering = _draw_human_counts(config, rng)
-        furniture = {name: count.draw(streams[name]) for name, count in config.counts.items()}
+        furniture = {name: count.draw(stream_of(name)) for name, count in config.counts.items()}
         self.free = Counter({"standing": standing, "wandering": wandering, **furniture})
         self.free_fixed: dict[str | None, list[int]] = {relation: [] for relation in (None, *RELATION)}
-        order = [streams[piece.type].uniform() for piece in config.furniture]
+        order = [stream_of(piece.type).uniform() for piece in config.furniture]
         for k in sorted(range(len(order)), key=order.__getitem__):
             if config.furniture[k].attracts:
                 self.free_fixed[furniture_type(config.furniture[k].type).relation].append(k)
