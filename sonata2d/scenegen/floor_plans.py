@@ -108,8 +108,7 @@ class FloorPlan:
     @cached_property
     def _borders(self) -> Array:
         """(K, 4), start and end of the edges of the outline, m."""
-        start = self.outline
-        return np.concatenate((start, np.concatenate((start[1:], start[:1]))), axis=1)
+        return np.ascontiguousarray(self.barriers.table[: len(self.polygon), :4])
 
     def mirrored(self) -> FloorPlan:
         """Return the mirror image: y changes sign."""

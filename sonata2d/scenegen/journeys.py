@@ -9,9 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from ..core.entities import Door, Group, Human, Interaction, Place, Queue
-from ..core.geometry import Disc, Point, Pose, Rectangle, Shape, canonical_angle, inside_polygon, quantised
+from ..core.geometry import Disc, Point, Pose, Rectangle, canonical_angle, inside_polygon, quantised
 from ..core.navigation import FreeSpace
-from ..core.outlines import COLUMNS, outline_row
 from ..core.portable_math import PI, angle_of
 from ..core.relations import WALKING_TOGETHER
 from ..core.rng import RandomStream
@@ -22,7 +21,7 @@ from ..errors import SceneError
 from .floor_plans import FloorPlan
 from .human_sampling import ReactionSampler, draw_human
 from .numbering import free_ids
-from .placement import PlacedShape
+from .placement import Layout, PlacedShape
 from .scenario.base import Range
 from .scenario.config import ScenarioConfig
 from .scenario.sections import DoorConfig, QueueConfig
@@ -68,7 +67,7 @@ def plan_journeys(
     Raises:
         SceneError: there is no space.
     """
-    planner = _Planner(config, plan, rng, list(occupied))
+    planner = _Planner(Layout(plan, config, [], list(occupied)), rng)
     waiting = [queue.waiting.draw(rng) for queue in config.queues]
     for has_position in (True, False):  # given positions come first; drawn ones keep clear of them
         for k, door in enumerate(config.doors):
@@ -88,7 +87,7 @@ def plan_journeys(
         tuple(planner.queues[k] for k in range(len(config.queues))),
         tuple(places),
         tuple(waiting),
-        tuple(planner.taken[len(occupied) :]),
+        tuple(planner.zones),
     )
 
 
@@ -96,22 +95,22 @@ class _Planner:
     """Placement of doors and queues, one after another.
 
     Args:
-        config: number of attempts.
-        plan: the room.
+        layout: the room with all that doors and queues keep clear of.
         rng: random stream of the journeys.
-        taken: outlines that doors and queues keep clear of.
 
     Attributes:
-        taken: with the zones of placed doors and queues.
         doors, queues: placed ones, by index in the scenario.
+        zones: their outlines.
     """
 
-    def __init__(self, config: ScenarioConfig, plan: FloorPlan, rng: RandomStream, taken: list[PlacedShape]) -> None:
-        self._attempts, self._plan, self._rng, self.taken = config.max_attempts, plan, rng, taken
+    def __init__(self, layout: Layout, rng: RandomStream) -> None:
+        self._layout, self._plan, self._attempts, self._rng = layout, layout.plan, layout.config.max_attempts, rng
+        self.zones: list[PlacedShape] = []
         self.doors: dict[int, Door] = {}
         self.queues: dict[int, Queue] = {}
         # start, end and length of the edges of the outline, counter-clockwise, m
-        self._edges = [(a, b, length(b[0] - a[0], b[1] - a[1])) for a, b in pairwise((*plan.polygon, plan.polygon[0]))]
+        corners = (*self._plan.polygon, self._plan.polygon[0])
+        self._edges = [(a, b, length(b[0] - a[0], b[1] - a[1])) for a, b in pairwise(corners)]
 
     def place_door(self, k: int, config: DoorConfig) -> None:
         """Place a door at the nearest place of the outline that is long enough, or draw its place."""
@@ -119,7 +118,7 @@ class _Planner:
             door = Door(k + 1, pose, quantised(config.width), quantised(config.share))
             if self._fits(door):
                 self.doors[k] = door
-                self.taken.append(_door_zone(door))
+                self._keep_free(_door_zone(door))
                 return
         if config.x is not None:
             raise SceneError(
@@ -165,12 +164,14 @@ class _Planner:
             length(door.pose.x - other.pose.x, door.pose.y - other.pose.y) - (door.width + other.width) / 2
             for other in self.doors.values()
         )
-        return all(spacing > _DOOR_SPACING for spacing in spacings) and self._is_free(*_door_zone(door))
+        return all(spacing > _DOOR_SPACING for spacing in spacings) and self._is_free(_door_zone(door))
 
-    def _is_free(self, shape: Shape, pose: Pose) -> bool:
-        """Whether an outline lies in the room, and overlaps neither a wall nor an outline that is taken."""
-        others = np.array([outline_row(*item) for item in self.taken]) if self.taken else np.empty((0, COLUMNS))
-        return self._plan.has_space([outline_row(shape, pose, _GAP)], others, _GAP)
+    def _is_free(self, zone: PlacedShape) -> bool:
+        return self._layout.is_free(*zone, _GAP, _GAP)
+
+    def _keep_free(self, zone: PlacedShape) -> None:
+        self.zones.append(zone)
+        self._layout.occupy([zone])
 
     def place_queue(self, k: int, config: QueueConfig, waiting: int) -> None:
         """Place a queue at its position, or at a random wall; its capacity is the number of slots with space."""
@@ -185,7 +186,7 @@ class _Planner:
                 break
         if best is not None:
             self.queues[k] = best
-            self.taken.append(_queue_zone(best))
+            self._keep_free(_queue_zone(best))
             return
         people = counted(max(waiting, 1), "person")
         if config.x is not None:
@@ -210,7 +211,7 @@ class _Planner:
     def _with_space(self, queue: Queue) -> Queue:
         """The queue with the number of its slots that are free as its capacity."""
         free = 0
-        while free < queue.capacity and self._is_free(Disc(_SLOT_RADIUS), Pose(*queue.slot(free))):
+        while free < queue.capacity and self._is_free((Disc(_SLOT_RADIUS), Pose(*queue.slot(free)))):
             free += 1
         return replace(queue, capacity=free)
 

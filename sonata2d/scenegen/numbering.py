@@ -39,19 +39,18 @@ def ordered_entities(
         placed: clusters, each with the poses of its members in the world frame.
         fixed: fixed furniture.
     """
-    types = list(FURNITURE_TYPES)
-    humans: dict[Key, Human] = {}
-    furniture = {(_FIXED, k): piece for k, piece in enumerate(fixed)}
+    rank = {name: k for k, name in enumerate(FURNITURE_TYPES)}
+    humans: list[tuple[Key, Human]] = []
+    furniture = [((_FIXED, k), piece) for k, piece in enumerate(fixed)]
     for k, (cluster, poses) in enumerate(placed):
         for m, (member, pose) in enumerate(zip(cluster.members, poses, strict=True)):
             if isinstance(member, Human):
-                humans[k, m] = replace(member, pose=pose)
+                humans.append(((k, m), replace(member, pose=pose)))
             else:
-                furniture[k, m] = replace(member, pose=pose)
-    return (
-        dict(sorted(humans.items(), key=lambda item: item[1].behaviour != "standing")),
-        dict(sorted(furniture.items(), key=lambda item: _rank(item[1].type, types))),
-    )
+                furniture.append(((k, m), replace(member, pose=pose)))
+    humans.sort(key=lambda item: item[1].behaviour != "standing")
+    furniture.sort(key=lambda item: rank.get(item[1].type, len(rank)))
+    return dict(humans), dict(furniture)
 
 
 def number_entities(
@@ -97,10 +96,6 @@ def number_entities(
 def free_ids(taken: Collection[int | None], count: int) -> list[int]:
     """Return the lowest `count` ids from 1 that are not taken."""
     return [number for number in range(1, len(taken) + count + 1) if number not in taken][:count]
-
-
-def _rank(name: str, types: list[str]) -> int:
-    return types.index(name) if name in types else len(types)
 
 
 def _member_keys(k: int, cluster: EntityCluster) -> list[Key]:

@@ -166,6 +166,10 @@ class ScenarioConfig(Settings):
     def _check_counts(self) -> Self:
         if self.humans is None and (self.standing is None or self.wandering is None):
             raise setting_error("standing and wandering must be ranges where humans is not given")
+        places, groups = len(self.groups.places), self.talking_groups.max
+        if places > groups:
+            message = f"there are {places} places for at most {groups} talking groups"
+            raise setting_error(f"{message}; raise talking_groups, or remove places", "groups", "places")
         return self
 
     @field_validator("sizes", mode="after")

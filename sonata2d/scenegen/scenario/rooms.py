@@ -91,6 +91,10 @@ class RoomConfig(Settings):
             value = getattr(self, key).max
             if not value < limit:
                 raise setting_error(f"{value:g} m must be less than {limit_name}, which may be {limit:g} m", key)
+        length, breadth = self.length.max, self.breadth.min
+        if self.kinds.get("rectangle") and self.polygon is None and length < breadth:
+            message = f"no length up to {length:g} m is at least the breadth, {breadth:g} m; exchange them"
+            raise setting_error(message, "length")
         return self
 
 
