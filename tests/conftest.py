@@ -42,7 +42,7 @@ LEFT = Pose(-3.0, 0.0)
 
 
 def times_to_collision(snapshot: Snapshot) -> Array:
-    """Times until the outlines of the robot and of each pedestrian touch at constant velocities and headings, (N,), s."""
+    """Times until the outlines of robot and pedestrians touch at constant velocities and headings, (N,), s."""
     humans, robot = snapshot.humans, snapshot.robot
     offset, velocity = humans.position - np.array(robot.position), np.array(robot.velocity) - humans.velocity
     return contact_times(offset, velocity, humans.radius + robot.radius, humans.direction, humans.shoulder)
