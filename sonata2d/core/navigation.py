@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from .compiled.packing import Packed
@@ -44,17 +46,16 @@ class FreeSpace:
         if not clearance > 0.0:
             raise ValueError(f"clearance must be positive, got {clearance}")
         self.outline, self.barriers, self.clearance = outline, barriers, float(clearance)
-        self._prepared: Packed[Space] | None = None
         self._graph = NOT_BUILT  # most spaces need none: many paths are straight
 
     def is_free_at(self, point: Point) -> bool:
         """Whether the disc can be at a point, m."""
-        return bool(check_point(self._space().argument, float(point[X]), float(point[Y])))
+        return bool(check_point(self._space.argument, float(point[X]), float(point[Y])))
 
     def is_free(self, points: Array) -> BoolArray:
         """Whether the disc can be at the points; (N, 2) to (N,) of bool."""
         free = np.empty(len(points), dtype=bool)
-        check_points(self._space().argument, _rows(points), free)
+        check_points(self._space.argument, _rows(points), free)
         return free
 
     def is_clear(self, start: Array, end: Array) -> BoolArray:
@@ -99,21 +100,20 @@ class FreeSpace:
         while True:
             # besides the nodes: start and goal, and the free positions near to them
             route = np.empty((len(graph.value.nodes) + 4, 2))
-            count, length = find_path(self._space().argument, graph.argument, *ends, route)
+            count, length = find_path(self._space.argument, graph.argument, *ends, route)
             if count != NEEDS_GRAPH:
                 return length, route[:count]
             graph = self._built_graph()
 
+    @cached_property
     def _space(self) -> Packed[Space]:
-        if self._prepared is None:
-            table = self.barriers.table
-            ends, lines, borders = prepare(table, _rows(self.outline), self.clearance)
-            self._prepared = Packed(Space(table, _columns(ends), _columns(lines), borders, self.clearance))
-        return self._prepared
+        table = self.barriers.table
+        ends, lines, borders = prepare(table, _rows(self.outline), self.clearance)
+        return Packed(Space(table, _columns(ends), _columns(lines), borders, self.clearance))
 
     def _built_graph(self) -> Packed[Graph]:
         if not self._graph.value.is_built:
-            self._graph = Packed(Graph(*build_graph(self._space().argument), True))
+            self._graph = Packed(Graph(*build_graph(self._space.argument), True))
         return self._graph
 
 

@@ -27,7 +27,7 @@ from .compiled.scalar import (
     quantised,
     unit_vector,
 )
-from .geometry import Disc, Pose, Rectangle, Shape
+from .geometry import Disc, Pose, Shape
 from .portable_math import Array
 from .vectors import X, Y
 
@@ -55,11 +55,6 @@ def outline_row(shape: Shape, pose: Pose, wall_gap: float = 0.0) -> OutlineRow:
 def shape_gap(shape: Shape, pose: Pose, other: Shape, other_pose: Pose) -> float:
     """Gap between the outlines of two shapes at their poses, m; 0 where they touch or overlap."""
     return float(_pair_gap(np.array([outline_row(shape, pose)]), 0, np.array([outline_row(other, other_pose)]), 0))
-
-
-def rectangle_sides(shape: Shape, pose: Pose) -> list[Line]:
-    """Start and end of the sides of a rectangle, m; none for a disc."""
-    return [(*a, *b) for a, b, _ in shape.edges(pose)] if isinstance(shape, Rectangle) else []
 
 
 _TOUCHING = 1e-3  # m, less than this counts as touching

@@ -210,15 +210,9 @@ class Snapshot(Drawable):
 
 def _robot_state(row: list[float], body: Robot) -> RobotState:
     """The robot's state from its part of a `State.row`."""
-    return RobotState(
-        (row[X], row[Y]),
-        (row[BODY_X], row[BODY_Y]),
-        (row[VX], row[VY]),
-        row[OMEGA],
-        Twist(row[EXECUTED_VX], row[EXECUTED_VY], row[EXECUTED_OMEGA]),
-        row[GUARDED] != 0.0,
-        body,
-    )
+    executed, is_guarded = Twist(*row[EXECUTED_VX : EXECUTED_OMEGA + 1]), row[GUARDED] != 0.0
+    position, direction, velocity = (row[X], row[Y]), (row[BODY_X], row[BODY_Y]), (row[VX], row[VY])
+    return RobotState(position, direction, velocity, row[OMEGA], executed, is_guarded, body)
 
 
 def _robot_row(robot: RobotState) -> list[float]:

@@ -100,7 +100,10 @@ def _load(path: Path, extended_by: tuple[Path, ...]) -> tuple[ScenarioConfig, di
         raise ConfigError(f"{path.name} extends itself")
     settings = parse_settings(path)
     if "extends" in settings:
-        base = _load_base(path, str(settings.pop("extends")), extended_by)
+        try:
+            base = _load(_find(str(settings.pop("extends")), path.parent), (*extended_by, _real(path)))[1]
+        except ConfigError as error:
+            raise ConfigError(f"{path.name}{line_of(path, ['extends'])}: extends: {error}") from None
         base = {key: value for key, value in base.items() if key not in ("name", "description")}
         settings = merged(base, settings)
     settings = {"name": path.stem} | settings
@@ -115,11 +118,3 @@ def _load(path: Path, extended_by: tuple[Path, ...]) -> tuple[ScenarioConfig, di
 def _real(path: Path) -> Path:
     """The path without symbolic links; unlike `Path.resolve`, without an exception for a link to itself."""
     return Path(os.path.realpath(path))
-
-
-def _load_base(path: Path, base: str, extended_by: tuple[Path, ...]) -> dict[str, Any]:
-    """Return the settings of the scenario `base` that the file `path` extends."""
-    try:
-        return _load(_find(base, path.parent), (*extended_by, _real(path)))[1]
-    except ConfigError as error:
-        raise ConfigError(f"{path.name}{line_of(path, ['extends'])}: extends: {error}") from None
