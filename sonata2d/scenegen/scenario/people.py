@@ -23,8 +23,8 @@ def _check_times(track: tuple[tuple[float, float, float], ...]) -> tuple[tuple[f
 
 
 Track = Annotated[TupleOf[tuple[Number, Number, Number]], Field(min_length=2), AfterValidator(_check_times)]  # s, m, m
-PositiveId = Annotated[PositiveInt, Field(le=MAX_ID)]
-DesiredSpeed = Annotated[Range, within("a desired speed must be above 0", 0.0, above=True)]
+_PositiveId = Annotated[PositiveInt, Field(le=MAX_ID)]
+_DesiredSpeed = Annotated[Range, within("a desired speed must be above 0", 0.0, above=True)]
 
 
 class PersonSpec(Settings):
@@ -55,7 +55,7 @@ class PersonSpec(Settings):
         reaction: kind of reaction to the robot; default: drawn from the section `person`.
     """
 
-    id: PositiveId | None = None
+    id: _PositiveId | None = None
     x: Number | None = None
     y: Number | None = None
     jitter: Jitter = (0.0, 0.0, 0.0)
@@ -68,8 +68,8 @@ class PersonSpec(Settings):
     enters: NotNegative = 0.0
     leaves: Positive | None = None
     track: Track | None = None
-    group: PositiveId | None = None
-    desired_speed: DesiredSpeed | None = None
+    group: _PositiveId | None = None
+    desired_speed: _DesiredSpeed | None = None
     radius: BodyRadius | None = None
     breadth: Breadth | None = None
     headway: Positive | None = None

@@ -39,15 +39,15 @@ from .base import (
 from .problems import setting_error
 from .rooms import RoomConfig as RoomConfig
 
-ModelName = Annotated[str, AfterValidator(partial(require_registered, PEDESTRIAN_MODELS))]
+_ModelName = Annotated[str, AfterValidator(partial(require_registered, PEDESTRIAN_MODELS))]
 Size = Positive | tuple[Positive, Positive]  # radius of a disc, or length (x) and width (y), m
 
-WalkingFormation = Literal["abreast", "v"]
-PairFormation = Literal["face_to_face", "l", "side_by_side"]
-CircleFormation = Literal["circle", "semicircle"]
-TalkingFormation = Literal[PairFormation, CircleFormation]
-GroupSize = Annotated[IntRange, within("a group has 2 to 6 people", 2, 6)]
-Spacing = Annotated[Range, within("neighbours in a group need 0.5 m or more between their centres", 0.5)]
+_WalkingFormation = Literal["abreast", "v"]
+_PairFormation = Literal["face_to_face", "l", "side_by_side"]
+_CircleFormation = Literal["circle", "semicircle"]
+_TalkingFormation = Literal[_PairFormation, _CircleFormation]
+_GroupSize = Annotated[IntRange, within("a group has 2 to 6 people", 2, 6)]
+_Spacing = Annotated[Range, within("neighbours in a group need 0.5 m or more between their centres", 0.5)]
 
 
 class FurnitureConfig(Settings):
@@ -205,7 +205,7 @@ class PersonConfig(Settings):
     desired_speed: SpeedConfig = SpeedConfig()
     headway: FactorConfig = FactorConfig()
     politeness: FactorConfig = FactorConfig()
-    model: ModelName = DEFAULT_MODEL
+    model: _ModelName = DEFAULT_MODEL
     ignores_robot: Fraction = 0.0
     reactions: Annotated[dict[Reaction, NotNegative], *weights_of("reaction")] = Field(default={"avoids": 1.0})
     robot_clearance: ClearanceConfig = ClearanceConfig()
@@ -228,17 +228,17 @@ class GroupConfig(Settings):
         places: x, y, m, world frame, of the o-space centres of the first talking groups; the others are drawn.
     """
 
-    walking_size: GroupSize = IntRange(2, 5)
-    walking_formations: Annotated[dict[WalkingFormation, NotNegative], *weights_of("formation")] = Field(
-        default=dict.fromkeys(get_args(WalkingFormation), 1.0)
+    walking_size: _GroupSize = IntRange(2, 5)
+    walking_formations: Annotated[dict[_WalkingFormation, NotNegative], *weights_of("formation")] = Field(
+        default=dict.fromkeys(get_args(_WalkingFormation), 1.0)
     )
-    walking_spacing: Spacing = Range(0.7, 1.1)
+    walking_spacing: _Spacing = Range(0.7, 1.1)
     v_angle: Annotated[Range, within("the angle of a V must be within 0.5..1.5708 rad", 0.5, 1.5708)] = Range(1.1, 1.33)
-    talking_size: GroupSize = IntRange(2, 6)
-    formations: Annotated[dict[TalkingFormation, NotNegative], *weights_of("formation")] = Field(
-        default=dict.fromkeys(get_args(TalkingFormation), 1.0)
+    talking_size: _GroupSize = IntRange(2, 6)
+    formations: Annotated[dict[_TalkingFormation, NotNegative], *weights_of("formation")] = Field(
+        default=dict.fromkeys(get_args(_TalkingFormation), 1.0)
     )
-    talking_spacing: Spacing = Range(0.9, 1.2)
+    talking_spacing: _Spacing = Range(0.9, 1.2)
     places: Entities[Point] = ()
 
     @model_validator(mode="after")
@@ -253,7 +253,7 @@ class GroupConfig(Settings):
 
     def formation_weights(self, size: int) -> dict[Formation, float]:
         """Return the weights of the formations of a talking group with `size` members."""
-        fitting = get_args(PairFormation if size == 2 else CircleFormation)
+        fitting = get_args(_PairFormation if size == 2 else _CircleFormation)
         return {name: weight for name, weight in self.formations.items() if name in fitting}
 
 
