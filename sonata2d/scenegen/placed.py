@@ -266,16 +266,17 @@ def _slope(track: Track, k: int) -> Point:
     the only neighbour.
     """
     if k == 0 or k == len(track) - 1:
-        (t0, x0, y0), (t1, x1, y1) = track[max(k - 1, 0)], track[min(k + 1, len(track) - 1)]
-        return (x1 - x0) / (t1 - t0), (y1 - y0) / (t1 - t0)
-    (t0, x0, y0), (t1, x1, y1), (t2, x2, y2) = track[k - 1 : k + 2]
-    before, after = t1 - t0, t2 - t1
-    slope_in, slope_out = ((x1 - x0) / before, (y1 - y0) / before), ((x2 - x1) / after, (y2 - y1) / after)
+        return _chord(track[max(k - 1, 0)], track[min(k + 1, len(track) - 1)])
+    (vx, vy), (next_vx, next_vy) = _chord(track[k - 1], track[k]), _chord(track[k], track[k + 1])
+    before, after = track[k][0] - track[k - 1][0], track[k + 1][0] - track[k][0]
     fraction = before / (before + after)
-    return (
-        slope_in[0] + (slope_out[0] - slope_in[0]) * fraction,
-        slope_in[1] + (slope_out[1] - slope_in[1]) * fraction,
-    )
+    return vx + (next_vx - vx) * fraction, vy + (next_vy - vy) * fraction
+
+
+def _chord(start: tuple[float, float, float], end: tuple[float, float, float]) -> Point:
+    """Return the velocity along the straight line between two track points, m/s."""
+    step = end[0] - start[0]
+    return (end[1] - start[1]) / step, (end[2] - start[2]) / step
 
 
 def _interpolate(track: Track, slopes: list[Point], k: int, t: float) -> Point:
