@@ -15,9 +15,10 @@ import pytest
 
 from sonata2d.core.compiled import kernel as compiled
 from sonata2d.core.entities import Furniture, Goal, Human, Limits, Robot, Wall
-from sonata2d.core.geometry import Disc, Point, Pose, Rectangle
+from sonata2d.core.geometry import Disc, Point, Pose, Rectangle, contact_times
 from sonata2d.core.portable_math import Array, IntArray
 from sonata2d.core.scene import Rules, Scene
+from sonata2d.core.snapshot import Snapshot
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 hypothesis.settings.register_profile("sonata2d", deadline=None)  # the first call of a kernel may compile it
@@ -50,6 +51,13 @@ def compilation_is_announced() -> None:
 SQUARE: tuple[Point, ...] = ((-4.0, -4.0), (4.0, -4.0), (4.0, 4.0), (-4.0, 4.0))
 L_SHAPE: tuple[Point, ...] = ((-4.0, -4.0), (4.0, -4.0), (4.0, 0.0), (0.0, 0.0), (0.0, 4.0), (-4.0, 4.0))
 LEFT = Pose(-3.0, 0.0)
+
+
+def times_to_collision(snapshot: Snapshot) -> Array:
+    """Times until the outlines of robot and pedestrians touch at constant velocities and headings, (N,), s."""
+    humans, robot = snapshot.humans, snapshot.robot
+    offset, velocity = humans.position - np.array(robot.position), np.array(robot.velocity) - humans.velocity
+    return contact_times(offset, velocity, humans.radius + robot.radius, humans.direction, humans.shoulder)
 
 
 def room(

@@ -10,13 +10,13 @@ _NO_CODE = {"_abc_impl", "__annotate_func__"}
 _OWN = __name__.split(".")[0]
 
 
-def code_sha256(found: Any) -> str:
+def code_sha256(definition: Any) -> str:
     """SHA-256 of the code of a class and of its base classes outside sonata2d, or of the class of an object.
 
     It changes with the methods and with class attributes that are numbers, texts or tuples of them, and with the
     version of Python; not with comments, and not with functions that the methods call.
     """
-    kind = found if isinstance(found, type) else type(found)
+    kind = definition if isinstance(definition, type) else type(definition)
     bases = [base for base in kind.__mro__ if base.__module__.split(".")[0] not in (_OWN, "builtins", "abc")]
     parts = [
         (name, _content(value))

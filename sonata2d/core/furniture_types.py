@@ -94,7 +94,7 @@ class FurnitureType:
 
 # Drawings. a and b are half the depth (from back to front) and half the breadth, m.
 
-LINE = 0.025  # m, outlines
+_LINE = 0.025  # m, outlines
 WOOD: Colour = (222, 196, 158)
 WOOD_EDGE: Colour = (158, 124, 82)
 METAL: Colour = (196, 200, 206)
@@ -103,16 +103,16 @@ _LEAF, _PALE_LEAF, _LEAF_EDGE = (122, 160, 104), (111, 149, 94), (78, 116, 66)
 _POT, _SCREEN = (176, 128, 100), (150, 190, 220)
 _DARK, _FAINT = (52, 56, 64), (118, 124, 134)
 CLOTH: Colour = (178, 186, 196)
-CLOTH_EDGE: Colour = (122, 132, 146)
+_CLOTH_EDGE: Colour = (122, 132, 146)
 
 
 def draw_solid(pen: Pen, a: float, b: float, is_round: bool, colour: Colour, edge: Colour) -> None:
     """Draw an ellipse or a box with an outline, whose outer edge is the edge of the piece."""
-    inset = LINE / 2
+    inset = _LINE / 2
     if is_round:
-        pen.ellipse(colour, (0.0, 0.0), (a - inset, b - inset), edge, LINE)
+        pen.ellipse(colour, (0.0, 0.0), (a - inset, b - inset), edge, _LINE)
     else:
-        pen.box(colour, (inset - a, inset - b), (a - inset, b - inset), edge, LINE)
+        pen.box(colour, (inset - a, inset - b), (a - inset, b - inset), edge, _LINE)
 
 
 def _draw_table(pen: Pen, a: float, b: float, is_round: bool) -> None:
@@ -152,9 +152,9 @@ def _draw_plant(pen: Pen, a: float, b: float, is_round: bool) -> None:
 
 def _draw_chair(pen: Pen, a: float, b: float, is_round: bool) -> None:
     """Draw a seat with a back rest behind it."""
-    pen.box(CLOTH, (-0.8 * a, -0.85 * b), (0.95 * a, 0.85 * b), CLOTH_EDGE, LINE)
+    pen.box(CLOTH, (-0.8 * a, -0.85 * b), (0.95 * a, 0.85 * b), _CLOTH_EDGE, _LINE)
     for side in (0.92 * b, -0.92 * b):
-        pen.stroke(CLOTH_EDGE, [(0.4 * a, side), (-0.4 * a, side)], 0.05)
+        pen.stroke(_CLOTH_EDGE, [(0.4 * a, side), (-0.4 * a, side)], 0.05)
     pen.stroke(_DARK, [(-0.85 * a, -0.8 * b), (-0.95 * a, 0.0), (-0.85 * a, 0.8 * b)], 0.07)
 
 

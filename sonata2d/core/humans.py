@@ -202,16 +202,14 @@ class HumanTable:
         """The table of some humans."""
         numbers = [(h.radius, h.shoulder, h.shape.circumradius, h.desired_speed, *h.pose.position) for h in humans]
         table = np.array(numbers, dtype=float).reshape(-1, 6)
-        radius, shoulder, circumradius, desired_speed = (frozen(column.copy()) for column in table[:, :4].T)
+        names = ("radius", "shoulder", "circumradius", "desired_speed")
+        columns: Any = {name: frozen(table[:, k].copy()) for k, name in enumerate(names)}
         ids = [human.id for human in humans]
         return cls(
             id=frozen(np.array(ids, dtype=np.int64)),
             position=frozen(table[:, 4:].copy()),
-            radius=radius,
-            shoulder=shoulder,
-            circumradius=circumradius,
-            desired_speed=desired_speed,
             row={id: k for k, id in enumerate(ids)},
+            **columns,
         )
 
     def with_state(self, state: Array, activity: IntArray) -> Humans:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from .compiled.packing import Packed
@@ -9,7 +11,6 @@ from .geometry import Barriers, Point
 from .portable_math import Array, BoolArray
 from .vectors import X, Y
 from .visibility import (
-    FOUND,
     NEEDS_GRAPH,
     NOT_BUILT,
     Graph,
@@ -18,8 +19,7 @@ from .visibility import (
     check_lines,
     check_point,
     check_points,
-    find_free,
-    find_paths,
+    find_path,
     prepare,
 )
 
@@ -46,17 +46,16 @@ class FreeSpace:
         if not clearance > 0.0:
             raise ValueError(f"clearance must be positive, got {clearance}")
         self.outline, self.barriers, self.clearance = outline, barriers, float(clearance)
-        self._prepared: Packed[Space] | None = None
         self._graph = NOT_BUILT  # most spaces need none: many paths are straight
 
     def is_free_at(self, point: Point) -> bool:
         """Whether the disc can be at a point, m."""
-        return bool(check_point(self._space().argument, float(point[X]), float(point[Y])))
+        return bool(check_point(self._space.argument, float(point[X]), float(point[Y])))
 
     def is_free(self, points: Array) -> BoolArray:
         """Whether the disc can be at the points; (N, 2) to (N,) of bool."""
         free = np.empty(len(points), dtype=bool)
-        check_points(self._space().argument, _rows(points), free)
+        check_points(self._space.argument, _rows(points), free)
         return free
 
     def is_clear(self, start: Array, end: Array) -> BoolArray:
@@ -71,39 +70,20 @@ class FreeSpace:
             return False
         return bool(self.is_clear(np.array([start], dtype=float), np.array([end], dtype=float))[0])
 
-    def nearest_free(self, point: Point) -> Point | None:
-        """A free position near a point.
-
-        Returns:
-            The point itself if it is free, else the point pushed off the barriers that are too near, else the nearest
-            turning point; None without a turning point on this side of the barriers.
-        """
-        x, y = float(point[X]), float(point[Y])
-        space = self._space().argument
-        status, free_x, free_y = find_free(space, self._graph.argument, x, y)
-        if status == NEEDS_GRAPH:
-            status, free_x, free_y = find_free(space, self._built_graph().argument, x, y)
-        return (float(free_x), float(free_y)) if status == FOUND else None
-
-    def towards(self, goal: Point) -> GoalField:
-        """The shortest paths to one goal; faster than `distance` for many starts."""
-        return GoalField(self, goal)
-
     def path(self, start: Point, goal: Point) -> Array | None:
         """The shortest path.
 
-        A start or goal without the clearance is connected to its `nearest_free` position.
+        A start or goal without the clearance is connected to a free position near to it.
 
         Returns:
             (K, 2), m, from start to goal; None if there is no path.
         """
-        _, route = self._search(np.array([start], dtype=float), goal)
+        _, route = self._search(start, goal)
         return route if len(route) else None
 
     def distance(self, start: Point, goal: Point) -> float:
         """Length of the shortest path, m; infinite without a path."""
-        lengths, _ = self._search(np.array([start], dtype=float), goal)
-        return float(lengths[0])
+        return self._search(start, goal)[0]
 
     def warm_up(self) -> None:
         """Call each kernel of this class once, so that none is compiled or loaded later."""
@@ -112,59 +92,29 @@ class FreeSpace:
         self.is_free(corner)
         self.is_clear(corner, corner)
         self.is_free_at(corner[0])
-        self.nearest_free(corner[0])
         self.distance(corner[0], corner[0])
 
-    def _search(self, points: Array, goal: Point) -> tuple[Array, Array]:
-        """The shortest paths from points (P, 2) to a goal: their lengths (P,), and the path (K, 2) of the last one."""
-        lengths = np.empty(len(points))
-        route = self._find_paths(points, goal, lengths, self._graph)
-        if route is None:
-            route = self._find_paths(points, goal, lengths, self._built_graph())
-        assert route is not None
-        return lengths, route
+    def _search(self, start: Point, goal: Point) -> tuple[float, Array]:
+        """Length of the shortest path, m, and its points, (K, 2); infinite and (0, 2) without a path."""
+        ends, graph = (float(start[X]), float(start[Y]), float(goal[X]), float(goal[Y])), self._graph
+        while True:
+            # besides the nodes: start and goal, and the free positions near to them
+            route = np.empty((len(graph.value.nodes) + 4, 2))
+            count, length = find_path(self._space.argument, graph.argument, *ends, route)
+            if count != NEEDS_GRAPH:
+                return length, route[:count]
+            graph = self._built_graph()
 
-    def _find_paths(self, points: Array, goal: Point, lengths: Array, graph: Packed[Graph]) -> Array | None:
-        """Fill the lengths, and return the path of the last point; None if the graph must be built first."""
-        # besides the nodes: start and goal, and the free positions near to them
-        route = np.empty((len(graph.value.nodes) + 4, 2))
-        space, x, y = self._space(), float(goal[X]), float(goal[Y])
-        count = find_paths(space.argument, graph.argument, points, x, y, lengths, route)
-        return None if count == NEEDS_GRAPH else route[:count]
-
+    @cached_property
     def _space(self) -> Packed[Space]:
-        if self._prepared is None:
-            table = self.barriers.table
-            ends, lines, borders = prepare(table, _rows(self.outline), self.clearance)
-            self._prepared = Packed(Space(table, _columns(ends), _columns(lines), borders, self.clearance))
-        return self._prepared
+        table = self.barriers.table
+        ends, lines, borders = prepare(table, _rows(self.outline), self.clearance)
+        return Packed(Space(table, _columns(ends), _columns(lines), borders, self.clearance))
 
     def _built_graph(self) -> Packed[Graph]:
         if not self._graph.value.is_built:
-            self._graph = Packed(Graph(*build_graph(self._space().argument), True))
+            self._graph = Packed(Graph(*build_graph(self._space.argument), True))
         return self._graph
-
-
-class GoalField:
-    """The shortest paths from anywhere to one goal.
-
-    Args:
-        space: free space that paths stay in.
-        goal: m; paths to a goal without the clearance end through its `FreeSpace.nearest_free` position.
-    """
-
-    def __init__(self, space: FreeSpace, goal: Point) -> None:
-        self.space = space
-        self.goal = goal
-
-    def distances(self, points: Array) -> Array:
-        """Length of the shortest path from each point; (P, 2) to (P,), m; infinite without a path."""
-        lengths, _ = self.space._search(_rows(points), self.goal)
-        return lengths
-
-    def path(self, start: Point) -> Array | None:
-        """The shortest path from start to goal, (K, 2), m; None without a path."""
-        return self.space.path(start, self.goal)
 
 
 def _rows(points: Array) -> Array:

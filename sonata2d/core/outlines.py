@@ -27,14 +27,14 @@ from .compiled.scalar import (
     quantised,
     unit_vector,
 )
-from .geometry import Disc, Pose, Rectangle, Shape
+from .geometry import Disc, Pose, Shape
 from .portable_math import Array
 from .vectors import X, Y
 
 # Columns of an outline for kernels, after the position of its centre: its heading, half its length and width, radius of
 # the smallest circle around it, 1 for a disc and 0 for a rectangle, and the gap that it must keep from walls.
 COLUMNS = 8
-THETA, HALF_LENGTH, HALF_WIDTH, CIRCUMRADIUS, IS_DISC, WALL_GAP = range(2, COLUMNS)
+THETA, _HALF_LENGTH, _HALF_WIDTH, _CIRCUMRADIUS, _IS_DISC, _WALL_GAP = range(2, COLUMNS)
 
 OutlineRow = tuple[float, float, float, float, float, float, float, float]
 Line = tuple[float, float, float, float]  # start and end, m
@@ -55,11 +55,6 @@ def outline_row(shape: Shape, pose: Pose, wall_gap: float = 0.0) -> OutlineRow:
 def shape_gap(shape: Shape, pose: Pose, other: Shape, other_pose: Pose) -> float:
     """Gap between the outlines of two shapes at their poses, m; 0 where they touch or overlap."""
     return float(_pair_gap(np.array([outline_row(shape, pose)]), 0, np.array([outline_row(other, other_pose)]), 0))
-
-
-def rectangle_sides(shape: Shape, pose: Pose) -> list[Line]:
-    """Start and end of the sides of a rectangle, m; none for a disc."""
-    return [(*a, *b) for a, b, _ in shape.edges(pose)] if isinstance(shape, Rectangle) else []
 
 
 _TOUCHING = 1e-3  # m, less than this counts as touching
@@ -122,7 +117,7 @@ def _have_space(walls: Array, borders: Array, outlines: Array, others: Array, cl
                 return False
         for k in range(i):
             # People who start together may be as near as their arrangement puts them: they need no more than to touch.
-            both = outlines[i, IS_DISC] == 1.0 and outlines[k, IS_DISC] == 1.0
+            both = outlines[i, _IS_DISC] == 1.0 and outlines[k, _IS_DISC] == 1.0
             if not _has_clearance(outlines, i, outlines, k, -_TOUCHING if both else clearance):
                 return False
     return True
@@ -137,12 +132,12 @@ def _pair_gap(outlines: Array, i: int, others: Array, k: int) -> float:
 def _is_off_walls(outlines: Array, i: int, walls: Array) -> bool:
     """Whether an outline keeps its gap to all walls."""
     x, y = outlines[i, X], outlines[i, Y]
-    minimum: float = outlines[i, WALL_GAP]
-    inner_radius = min(outlines[i, HALF_LENGTH], outlines[i, HALF_WIDTH])
+    minimum: float = outlines[i, _WALL_GAP]
+    inner_radius = min(outlines[i, _HALF_LENGTH], outlines[i, _HALF_WIDTH])
     for k in range(len(walls)):
         if gap(walls, k, x, y) < inner_radius + minimum:  # the inscribed circle: a cheap test that rejects most poses
             return False
-    if outlines[i, IS_DISC] == 1.0:
+    if outlines[i, _IS_DISC] == 1.0:
         return True
     return _edges_gap(_edges(outlines, i), walls) >= minimum
 
@@ -151,7 +146,7 @@ def _is_off_walls(outlines: Array, i: int, walls: Array) -> bool:
 def _has_clearance(outlines: Array, i: int, others: Array, k: int, clearance: float) -> bool:
     """Whether outline i keeps a clearance to outline k of the others."""
     dx, dy = outlines[i, X] - others[k, X], outlines[i, Y] - others[k, Y]
-    near = outlines[i, CIRCUMRADIUS] + others[k, CIRCUMRADIUS] + clearance
+    near = outlines[i, _CIRCUMRADIUS] + others[k, _CIRCUMRADIUS] + clearance
     # the circumscribed circles are a cheap test that excludes most pairs
     return bool(dx * dx + dy * dy >= near * near or _gap(outlines, i, others, k) >= clearance)
 
@@ -159,10 +154,10 @@ def _has_clearance(outlines: Array, i: int, others: Array, k: int, clearance: fl
 @subroutine
 def _gap(outlines: Array, i: int, others: Array, k: int) -> float:
     """Gap between two outlines, m; 0 where they touch or overlap, below 0 for discs."""
-    radius: float = outlines[i, CIRCUMRADIUS] if outlines[i, IS_DISC] == 1.0 else 0.0
-    if outlines[i, IS_DISC] == 1.0 and others[k, IS_DISC] == 1.0:
+    radius: float = outlines[i, _CIRCUMRADIUS] if outlines[i, _IS_DISC] == 1.0 else 0.0
+    if outlines[i, _IS_DISC] == 1.0 and others[k, _IS_DISC] == 1.0:
         distance = length(outlines[i, X] - others[k, X], outlines[i, Y] - others[k, Y])
-        between: float = distance - radius - others[k, CIRCUMRADIUS]
+        between: float = distance - radius - others[k, _CIRCUMRADIUS]
         return between
     # A shape within the other one has a positive distance to its edges.
     if _contains(outlines, i, others[k, X], others[k, Y]) or _contains(others, k, outlines[i, X], outlines[i, Y]):
@@ -176,22 +171,22 @@ def _contains(outlines: Array, i: int, x: float, y: float) -> bool:
     c, s = unit_vector(outlines[i, THETA])
     dx, dy = x - outlines[i, X], y - outlines[i, Y]
     ahead, left = dx * c + dy * s, dy * c - dx * s
-    if outlines[i, IS_DISC] == 1.0:
-        return bool(ahead * ahead + left * left <= outlines[i, CIRCUMRADIUS] * outlines[i, CIRCUMRADIUS])
-    return bool(abs(ahead) <= outlines[i, HALF_LENGTH] and abs(left) <= outlines[i, HALF_WIDTH])
+    if outlines[i, _IS_DISC] == 1.0:
+        return bool(ahead * ahead + left * left <= outlines[i, _CIRCUMRADIUS] * outlines[i, _CIRCUMRADIUS])
+    return bool(abs(ahead) <= outlines[i, _HALF_LENGTH] and abs(left) <= outlines[i, _HALF_WIDTH])
 
 
 @subroutine
 def _edges(outlines: Array, i: int) -> Array:
     """An outline as thick segments, in rows of `Barriers.table` and the order of `Shape.edges`."""
-    is_disc = outlines[i, IS_DISC] == 1.0
+    is_disc = outlines[i, _IS_DISC] == 1.0
     edges = np.empty((1 if is_disc else 4, 8))
     c, s = unit_vector(outlines[i, THETA])
     for e in range(len(edges)):
         x, y = outlines[i, X], outlines[i, Y]
         if not is_disc:
-            ahead = -outlines[i, HALF_LENGTH] if e == 1 or e == 2 else outlines[i, HALF_LENGTH]
-            left = -outlines[i, HALF_WIDTH] if e == 2 or e == 3 else outlines[i, HALF_WIDTH]
+            ahead = -outlines[i, _HALF_LENGTH] if e == 1 or e == 2 else outlines[i, _HALF_LENGTH]
+            left = -outlines[i, _HALF_WIDTH] if e == 2 or e == 3 else outlines[i, _HALF_WIDTH]
             x, y = x + ahead * c - left * s, y + ahead * s + left * c
         edges[e, START_X], edges[e, START_Y] = x, y
     for e in range(len(edges)):
@@ -199,7 +194,7 @@ def _edges(outlines: Array, i: int) -> Array:
         edges[e, END_X], edges[e, END_Y] = edges[following, START_X], edges[following, START_Y]
         dx, dy = edges[e, END_X] - edges[e, START_X], edges[e, END_Y] - edges[e, START_Y]
         edges[e, ALONG_X], edges[e, ALONG_Y], edges[e, INVERSE] = dx, dy, inverse_square(dx, dy)
-        edges[e, RADIUS] = outlines[i, CIRCUMRADIUS] if is_disc else 0.0
+        edges[e, RADIUS] = outlines[i, _CIRCUMRADIUS] if is_disc else 0.0
     return edges
 
 

@@ -18,7 +18,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 PI = math.pi
-_TAN_PI_8 = 0.41421356237309503
+TAN_PI_8 = 0.41421356237309503
 # Taylor coefficients of the odd powers of x.
 _ATAN = (
     1.0, -1 / 3, 1 / 5, -1 / 7, 1 / 9, -1 / 11, 1 / 13, -1 / 15, 1 / 17, -1 / 19, 1 / 21, -1 / 23, 1 / 25,
@@ -76,7 +76,7 @@ def arctan2(y: Array, x: Array) -> Array:
     ax, ay = np.abs(x), np.abs(y)
     low, high = np.minimum(ax, ay), np.maximum(ax, ay)
     t = low / np.where(high > 0.0, high, 1.0)
-    is_reduced = t > _TAN_PI_8  # atan t = pi/4 + atan((t - 1) / (t + 1))
+    is_reduced = t > TAN_PI_8  # atan t = pi/4 + atan((t - 1) / (t + 1))
     t = np.where(is_reduced, (t - 1.0) / (t + 1.0), t)
     angle = t * _polynomial(_ATAN, t * t) + np.where(is_reduced, PI / 4, 0.0)
     # from the first octant back to the octant of (x, y)
@@ -94,7 +94,7 @@ def angle_of(y: float, x: float) -> float:
         return 0.0
     t = low / high
     offset = 0.0
-    if t > 0.41421356237309503:  # tan(pi / 8)
+    if t > TAN_PI_8:
         t = (t - 1.0) / (t + 1.0)
         offset = PI / 4
     # Horner's rule written out, as in `exp_of`: kernels compile these functions.
@@ -136,15 +136,6 @@ def unit_vectors(theta: Array) -> Array:
     along_x, along_y = np.where(is_odd, s, c), np.where(is_odd, c, s)
     negative_x, negative_y = (quarters == 1.0) | (quarters == 2.0), quarters >= 2.0
     return np.stack((np.where(negative_x, -along_x, along_x), np.where(negative_y, -along_y, along_y)), axis=-1)
-
-
-def rotation_of(angle: float) -> tuple[float, float]:
-    """(cos, sin) of a small angle in radians, of unit length; the error is under 2e-7 for |angle| < 0.5."""
-    t = angle * 0.5
-    square = t * t
-    t = t * (1.0 + square * (1 / 3 + square * (2 / 15 + square * (17 / 315))))  # tan of the half angle
-    n = 1.0 + t * t
-    return (1.0 - t * t) / n, 2.0 * t / n
 
 
 def rotation(angle: Any) -> tuple[Any, Any]:

@@ -1,4 +1,4 @@
-"""Gaps between the robot and its surroundings in a snapshot, and times to collision.
+"""Gaps between the robot and its surroundings in a snapshot.
 
 Zones are E. T. Hall's (The Hidden Dimension, 1966), measured from outline to outline.
 """
@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from .geometry import contact_times, to_shoulder_line
+from .geometry import to_shoulder_line
 from .portable_math import Array
 from .snapshot import Snapshot
 from .vectors import lengths
@@ -43,18 +43,3 @@ def obstacle_clearance(snapshot: Snapshot) -> float:
     if not len(barriers):
         return math.inf
     return float(barriers.gaps(np.array([snapshot.robot.position])).min()) - snapshot.robot.radius
-
-
-def times_to_collision(snapshot: Snapshot) -> Array:
-    """Time until the outlines of the robot and of each pedestrian touch at constant velocities.
-
-    Pedestrians keep their headings.
-
-    Returns:
-        (N,), s; 0 where they overlap, infinite where they never touch.
-    """
-    humans, robot = snapshot.humans, snapshot.robot
-    offset = humans.position - np.array(robot.position)
-    relative_velocity = np.array(robot.velocity) - humans.velocity
-    radii = humans.radius + robot.radius
-    return contact_times(offset, relative_velocity, radii, humans.direction, humans.shoulder)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar, get_args
 from zlib import crc32
 
 import numpy as np
@@ -16,13 +16,11 @@ import numpy as np
 from .portable_math import Array, exp_of
 
 T = TypeVar("T")
+# Append only: a stream is seeded by the index of its name, so a new order would change every recorded episode.
 StreamName = Literal[
     "scene", "people", "noise", "controller", "company", "glances", "manners", "journeys", "deviations", "order"
 ]  # fmt: skip
-# Append only: a stream is seeded by the index of its name, so a new order would change every recorded episode.
-_STREAM_NAMES: tuple[StreamName, ...] = (
-    "scene", "people", "noise", "controller", "company", "glances", "manners", "journeys", "deviations", "order"
-)  # fmt: skip
+_STREAM_NAMES: tuple[StreamName, ...] = get_args(StreamName)
 _ULP = 1.0 / 9007199254740992.0  # 2 ** -53, the spacing of 53-bit fractions
 _MAX_DRAWS = 10_000
 _POISSON_STEP = 30.0  # largest mean that is drawn at once: exp(-mean) must not vanish

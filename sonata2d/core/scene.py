@@ -149,8 +149,8 @@ class Scene(Drawable):
     @property
     def origin(self) -> dict[str, object]:
         """Scenario and seed, for tables."""
-        own: dict[str, object] = {"scenario": self.name, "family": self.family}
-        return own if "seed" in self.unmeasured else own | {"seed": self.seed, "episode": self.episode}
+        names: dict[str, object] = {"scenario": self.name, "family": self.family}
+        return names if "seed" in self.unmeasured else names | {"seed": self.seed, "episode": self.episode}
 
     def _facts(self) -> dict[str, object]:
         kinds = Counter(piece.type for piece in self.furniture)

@@ -28,7 +28,7 @@ from .humans import (
 )
 from .portable_math import Array, IntArray, angle_of, unit_vector
 from .scene import Scene, initial_activities
-from .state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED, State, joined_row, robot_row
+from .state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED, ROBOT_SIZE, State
 from .wording import counted
 
 CLOSING_SPEED = 0.01  # m/s; a side that approaches the other faster than this closes the gap between them
@@ -139,17 +139,9 @@ class Snapshot(Drawable):
             state: of the robot and of all pedestrians of the scene.
         """
         snapshot = object.__new__(cls)
-        values = {  # of all attributes except `robot` and `humans`
-            "tick": tick,
-            "time": round(tick * scene.rules.dt, 4),
-            "scene": scene,
-            "interactions": interactions,
-            "contacts": contacts,
-            "events": events,
-            "image": None,
-            "_state": state,
-        }
-        object.__setattr__(snapshot, "__dict__", values)  # the class is frozen
+        values = vars(snapshot)  # of all attributes except `robot` and `humans`; the class is frozen
+        values.update(tick=tick, time=round(tick * scene.rules.dt, 4), scene=scene, interactions=interactions)
+        values.update(contacts=contacts, events=events, image=None, _state=state)
         return snapshot
 
     def __getattr__(self, name: str) -> Any:
@@ -176,10 +168,8 @@ class Snapshot(Drawable):
         return self._state
 
     def _build_state(self) -> State:
-        humans, robot, count = self.humans, self.robot, len(self.scene.humans)
-        executed = (robot.executed.vx, robot.executed.vy, robot.executed.omega)
-        own = robot_row(robot.position, robot.direction, robot.velocity, robot.omega, executed, robot.guarded)
-        row = frozen(joined_row(own, humans.expand(humans.state, count, 0.0)))
+        humans, count = self.humans, len(self.scene.humans)
+        row = frozen(np.concatenate((_robot_row(self.robot), humans.expand(humans.state, count, 0.0).ravel())))
         is_present = None
         if humans.row is not None:
             is_present = frozen(humans.expand(np.ones(len(humans), dtype=bool), count, False))
@@ -220,15 +210,20 @@ class Snapshot(Drawable):
 
 def _robot_state(row: list[float], body: Robot) -> RobotState:
     """The robot's state from its part of a `State.row`."""
-    return RobotState(
-        (row[X], row[Y]),
-        (row[BODY_X], row[BODY_Y]),
-        (row[VX], row[VY]),
-        row[OMEGA],
-        Twist(row[EXECUTED_VX], row[EXECUTED_VY], row[EXECUTED_OMEGA]),
-        row[GUARDED] != 0.0,
-        body,
-    )
+    executed, is_guarded = Twist(*row[EXECUTED_VX : EXECUTED_OMEGA + 1]), row[GUARDED] != 0.0
+    position, direction, velocity = (row[X], row[Y]), (row[BODY_X], row[BODY_Y]), (row[VX], row[VY])
+    return RobotState(position, direction, velocity, row[OMEGA], executed, is_guarded, body)
+
+
+def _robot_row(robot: RobotState) -> list[float]:
+    """The robot's part of a `State.row`, the inverse of `_robot_state`."""
+    row = [0.0] * ROBOT_SIZE
+    row[X], row[Y] = robot.position
+    row[VX], row[VY] = robot.velocity
+    row[BODY_X], row[BODY_Y] = robot.direction
+    row[OMEGA], row[GUARDED] = robot.omega, float(robot.guarded)
+    row[EXECUTED_VX], row[EXECUTED_VY], row[EXECUTED_OMEGA] = robot.executed.vx, robot.executed.vy, robot.executed.omega
+    return row
 
 
 class CrowdCommands(NamedTuple):

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from .humans import BODY_X, BODY_Y, OMEGA, VX, VY, X, Y
+from .humans import OMEGA
 from .portable_math import Array, BoolArray, IntArray
 
-# Columns of the robot: X, Y, VX, VY, BODY_X, BODY_Y and OMEGA as for pedestrians, then the body-frame twist that the
+# Columns of the robot: X, Y, VX, VY, BODY_X, BODY_Y and OMEGA as in `core.humans`, then the body-frame twist that the
 # drive executed in the last tick, and whether the safety guard reduced the velocity (1) or not (0).
 EXECUTED_VX, EXECUTED_VY, EXECUTED_OMEGA, GUARDED = range(OMEGA + 1, OMEGA + 5)
 ROBOT_SIZE, HUMAN_SIZE = GUARDED + 1, OMEGA + 1
-ROBOT_POSE_AND_MOTION = [X, Y, BODY_X, BODY_Y, VX, VY, OMEGA]
 
 
 class State(NamedTuple):
@@ -39,26 +36,3 @@ class State(NamedTuple):
     def humans(self) -> Array:
         """(N, 9), one row for each pedestrian of the scene; arbitrary for absent ones."""
         return self.row[ROBOT_SIZE:].reshape(-1, HUMAN_SIZE)
-
-
-def robot_row(
-    position: tuple[float, float],
-    direction: tuple[float, float],
-    velocity: tuple[float, float],
-    omega: float,
-    executed: tuple[float, float, float],
-    guarded: bool,
-) -> list[float]:
-    """The robot's part of a row, 13 numbers; arguments as in `RobotState`."""
-    row = [0.0] * ROBOT_SIZE
-    row[X], row[Y] = position
-    row[VX], row[VY] = velocity
-    row[BODY_X], row[BODY_Y] = direction
-    row[OMEGA], row[GUARDED] = omega, float(guarded)
-    row[EXECUTED_VX], row[EXECUTED_VY], row[EXECUTED_OMEGA] = executed
-    return row
-
-
-def joined_row(robot: list[float], humans: Array) -> Array:
-    """A row from the robot's part and the (N, 9) rows of the pedestrians."""
-    return np.concatenate((robot, humans.ravel()))

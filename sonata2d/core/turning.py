@@ -15,14 +15,14 @@ from .compiled.scalar import Vector, clipped, exp
 
 BODY_TURN = 2.1  # rad/s, maximum turn rate of a body
 LATERAL_ACCELERATION = 1.2  # m/s^2, maximum of a walker; recorded ones exceed 0.8 to 1.0 in 1 % of the time
-WALKING_RATE, STANDING_RATE = 8.0, 3.0  # 1/s, rate of a body that walks at `BRISK_SPEED` or more, and that stands
-BRISK_SPEED = 1.0  # m/s
+_WALKING_RATE, _STANDING_RATE = 8.0, 3.0  # 1/s, rate of a body that walks at `_BRISK_SPEED` or more, and that stands
+_BRISK_SPEED = 1.0  # m/s
 
 
 @subroutine
 def turn_limits(speed: float) -> Vector:
     """Rate, 1/s, and maximum turn rate, rad/s, with which the body of a pedestrian turns at a walking speed, m/s."""
-    rate = STANDING_RATE + (WALKING_RATE - STANDING_RATE) * min(speed / BRISK_SPEED, 1.0)
+    rate = _STANDING_RATE + (_WALKING_RATE - _STANDING_RATE) * min(speed / _BRISK_SPEED, 1.0)
     return rate, min(BODY_TURN, LATERAL_ACCELERATION / max(speed, 0.1))
 
 

@@ -25,7 +25,7 @@ from .compiled.scalar import (
     to_line,
     towards,
 )
-from .portable_math import PI, Array, BoolArray, IntArray, unit_vectors
+from .portable_math import PI, TAN_PI_8, Array, BoolArray, IntArray, unit_vectors
 from .vectors import X, Y
 
 TOLERANCE = 1e-6  # m, by which a clearance may be missed
@@ -35,14 +35,13 @@ MARGIN = 1e-3  # m, distance of turning points from the inflated corners
 # these kinds a wide polygon, and one with more points that keeps closer to the barrier, for places where the wide one
 # does not fit. Polygons around discs touch the unit circle; those at corners are in units of `_MITRE` and `_CUT`.
 _DISC, _CORNER, _FREE_END = 0, 1, 2
-_TAN_PI_8 = 0.41421356237309503
 _POLYGONS: tuple[Any, ...] = (
     unit_vectors(np.arange(6) * PI / 3) * 1.1547005383792517,
     unit_vectors(np.arange(12) * PI / 6) * 1.0352761804100832,
     [(1.0, 0.0)],
     [(1.0, 1.0), (1.0, -1.0)],
     [(1.0, 1.0), (1.0, -1.0)],
-    [(1.0, _TAN_PI_8), (1.0, -_TAN_PI_8), (_TAN_PI_8, 1.0), (_TAN_PI_8, -1.0)],
+    [(1.0, TAN_PI_8), (1.0, -TAN_PI_8), (TAN_PI_8, 1.0), (TAN_PI_8, -1.0)],
 )
 _STEPS = np.concatenate(_POLYGONS)
 _FIRST = np.array([*accumulate((len(polygon) for polygon in _POLYGONS), initial=0)])  # step of each polygon
@@ -219,15 +218,13 @@ def _is_separated(lines: Array, x: float, y: float, end_x: float, end_y: float) 
     return crossed > 0
 
 
-@kernel
-def find_free(packed_space: Any, packed_graph: Any, x: float, y: float) -> tuple[int, float, float]:
-    """`FreeSpace.nearest_free` in a packed `Space` with a packed `Graph`: status, x, y."""
-    return _nearest_free(unpack(packed_space, Space), unpack(packed_graph, Graph), x, y)
-
-
 @subroutine
 def _nearest_free(space: Space, graph: Graph, x: float, y: float) -> tuple[int, float, float]:
-    """The free position near a point: status, x, y; see `FreeSpace.nearest_free`."""
+    """A free position near a point: status, x and y, m.
+
+    The point itself if it is free, else the point pushed off the barriers that are too near, else the nearest turning
+    point. `NONE` without a turning point on this side of the barriers; `NEEDS_GRAPH` if the graph must be built first.
+    """
     free_x, free_y = x, y
     for k in range(_MAX_PUSHES):
         if _is_free(space, free_x, free_y):
@@ -393,59 +390,49 @@ def _directed_ends(barriers: Array, offset: float) -> tuple[Array, int]:
 
 
 @kernel
-def find_paths(
-    packed_space: Any, packed_graph: Any, points: Array, goal_x: float, goal_y: float, lengths: Array, route: Array
-) -> int:
-    """The shortest paths from points (P, 2) to a goal.
+def find_path(
+    packed_space: Any, packed_graph: Any, start_x: float, start_y: float, goal_x: float, goal_y: float, route: Array
+) -> tuple[int, float]:
+    """The shortest path from a start to a goal.
 
     Args:
         packed_space, packed_graph: packed `Space` and `Graph`.
-        points: starts, m.
-        goal_x, goal_y: m.
-        lengths: (P,), output, m; infinite where there is no path.
-        route: (n + 4, 2), output: points of the path from the last start, m.
+        start_x, start_y, goal_x, goal_y: m.
+        route: (n + 4, 2), output: points of the path, m.
 
     Returns:
-        Number of points of the route; 0 if there is no path. `NEEDS_GRAPH` if the graph must be built first.
+        Number of points of the route, and length of the path, m; 0 and infinite if there is no path. `NEEDS_GRAPH` in
+        place of the number if the graph must be built first.
     """
     space, graph = unpack(packed_space, Space), unpack(packed_graph, Graph)
     end_status, end_x, end_y = _nearest_free(space, graph, goal_x, goal_y)
-    if end_status == NEEDS_GRAPH:
-        return NEEDS_GRAPH
-    totals, exits = np.empty(0), np.empty(0, dtype=np.int64)
-    count = 0
-    for p in range(len(points)):
-        lengths[p], count, entry = math.inf, 0, -1
-        status, x, y = _nearest_free(space, graph, points[p, X], points[p, Y])
-        if status == NEEDS_GRAPH:
-            return NEEDS_GRAPH
-        if status == NONE or end_status == NONE:
-            continue
-        shortest = length(end_x - x, end_y - y)
-        if not _is_visible(space.ends, space.lines, x, y, end_x, end_y):
-            if not graph.is_built:
-                return NEEDS_GRAPH
-            if len(totals) == 0:
-                totals, exits = _exits(space, graph, end_x, end_y)
-            shortest, entry = _entry(space, graph, x, y, totals)
-            if entry < 0:
-                continue
-        lengths[p] = shortest + length(x - points[p, X], y - points[p, Y])
-        route[0, X], route[0, Y], route[1, X], route[1, Y] = points[p, X], points[p, Y], x, y
-        count = 2
-        last = exits[entry] if entry >= 0 else -1
-        while entry >= 0:
-            route[count, X], route[count, Y] = graph.nodes[entry, X], graph.nodes[entry, Y]
-            count += 1
-            entry = graph.next_node[entry, last] if entry != last else -1
-        route[count, X], route[count, Y], route[count + 1, X], route[count + 1, Y] = end_x, end_y, goal_x, goal_y
-        count += 2
-    kept = min(count, 1)
-    for k in range(1, count):  # drop the points that equal the previous one
+    status, x, y = _nearest_free(space, graph, start_x, start_y)
+    if status == NEEDS_GRAPH or end_status == NEEDS_GRAPH:
+        return NEEDS_GRAPH, math.inf
+    if status == NONE or end_status == NONE:
+        return 0, math.inf
+    shortest, entry, last = length(end_x - x, end_y - y), -1, -1
+    if not _is_visible(space.ends, space.lines, x, y, end_x, end_y):
+        if not graph.is_built:
+            return NEEDS_GRAPH, math.inf
+        totals, exits = _exits(space, graph, end_x, end_y)
+        shortest, entry = _entry(space, graph, x, y, totals)
+        if entry < 0:
+            return 0, math.inf
+        last = exits[entry]
+    route[0, X], route[0, Y], route[1, X], route[1, Y] = start_x, start_y, x, y
+    count = 2
+    while entry >= 0:
+        route[count, X], route[count, Y] = graph.nodes[entry, X], graph.nodes[entry, Y]
+        count += 1
+        entry = graph.next_node[entry, last] if entry != last else -1
+    route[count, X], route[count, Y], route[count + 1, X], route[count + 1, Y] = end_x, end_y, goal_x, goal_y
+    kept = 1
+    for k in range(1, count + 2):  # drop the points that equal the previous one
         if route[k, X] != route[k - 1, X] or route[k, Y] != route[k - 1, Y]:
             route[kept, X], route[kept, Y] = route[k, X], route[k, Y]
             kept += 1
-    return kept
+    return kept, shortest + length(x - start_x, y - start_y)
 
 
 @subroutine

@@ -13,7 +13,7 @@ from .layout import COMMAND_NAMES, JsonDict
 
 CONTACT_KINDS = ("human", "object", "wall")
 ANY_KIND = "any"
-LIMIT_TOLERANCE = 2e-4  # m/s, rad/s: recorded commands are rounded to 1e-4
+_LIMIT_TOLERANCE = 2e-4  # m/s, rad/s: recorded commands are rounded to 1e-4
 
 
 def run_counts(robot: Robot, contacts: Iterable[Iterable[Contact]], command: Array) -> JsonDict:
@@ -65,11 +65,11 @@ def commands_beyond_limits(robot: Robot, command: Array) -> dict[str, dict[str, 
     upper = np.array([limits.ahead, sideways, limits.turn])
     excess = np.maximum(command - upper, lower - command)
     excesses: dict[str, dict[str, float]] = {}
-    for k in np.flatnonzero((excess > LIMIT_TOLERANCE).any(axis=0)).tolist():
+    for k in np.flatnonzero((excess > _LIMIT_TOLERANCE).any(axis=0)).tolist():
         worst = int(np.argmax(excess[:, k]))
         value = float(command[worst, k])
         excesses[COMMAND_NAMES[k]] = {
-            "frames": int(np.count_nonzero(excess[:, k] > LIMIT_TOLERANCE)),
+            "frames": int(np.count_nonzero(excess[:, k] > _LIMIT_TOLERANCE)),
             "command": abs(value),
             "limit": abs(float(upper[k] if value > 0.0 else lower[k])),
         }

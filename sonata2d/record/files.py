@@ -20,7 +20,7 @@ from ..core.files.locations import explained, is_remote, put_content
 from ..core.files.reading import read_at_most, require_readable
 from ..core.files.whole_file import whole_file
 from ..errors import RecordError
-from .shard_file import is_member, member_exists, read_member
+from .shard_file import extents, is_member, read_member
 
 SUFFIXES = (".json", ".json.gz", ".json.zst")
 _RESERVED_NAME = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)  # device names on Windows
@@ -193,7 +193,7 @@ def read_stored(path: Path, *, max_bytes: int = MAX_FILE_BYTES) -> bytes:
 def file_exists(path: Path) -> bool:
     """Whether there is such a file, or such a member of a tar file."""
     try:
-        return member_exists(path) if is_member(path) else path.is_file()
+        return path.name in extents(path.parent) if is_member(path) else path.is_file()
     except OSError:
         return False
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -34,16 +35,10 @@ _FRAME = (
 _NULL_ROW = dumps([None] * len(HUMAN_NAMES))
 
 
-def observation(snapshot: Snapshot) -> Observation:
-    """The parts of a snapshot that a file holds, as references."""
-    return (
-        snapshot.state,
-        snapshot.tick,
-        snapshot.time,
-        snapshot.interactions,
-        snapshot.contacts,
-        snapshot.events,
-    )
+observation: Callable[[Snapshot], Observation] = attrgetter(
+    "state", "tick", "time", "interactions", "contacts", "events"
+)
+"""Return the parts of a snapshot that a file holds, as references."""
 
 
 def frame_lines(

@@ -17,21 +17,11 @@ from .canonical import to_json_value
 JsonDict = dict[str, Any]
 T = TypeVar("T")
 
-# name, unit and frame of reference of each column of the rows in frames
-ROBOT_COLUMNS = (
-    ("x", "m", "world"),
-    ("y", "m", "world"),
-    ("theta", "rad", "world"),
-    ("vx", "m/s", "world"),
-    ("vy", "m/s", "world"),
-    ("omega", "rad/s", "world"),
-)
-HUMAN_COLUMNS = (*ROBOT_COLUMNS, ("head", "rad", "world"))
-COMMAND_COLUMNS = (("vx", "m/s", "body"), ("vy", "m/s", "body"), ("omega", "rad/s", "body"))
-
-ROBOT_NAMES, HUMAN_NAMES, COMMAND_NAMES = (
-    tuple(name for name, _, _ in table) for table in (ROBOT_COLUMNS, HUMAN_COLUMNS, COMMAND_COLUMNS)
-)
+# names of the columns of the rows in frames
+ROBOT_NAMES, COMMAND_NAMES = ("x", "y", "theta", "vx", "vy", "omega"), ("vx", "vy", "omega")
+HUMAN_NAMES = (*ROBOT_NAMES, "head")
+COLUMNS = {"robot": ROBOT_NAMES, "humans": HUMAN_NAMES, "command": COMMAND_NAMES}  # by key of `columns` in the file
+_UNITS = {"x": "m", "y": "m", "theta": "rad", "vx": "m/s", "vy": "m/s", "omega": "rad/s", "head": "rad"}
 ROW_X, ROW_Y, ROW_THETA, ROW_VX, ROW_VY, ROW_OMEGA, ROW_HEAD = range(7)  # indices of columns; robots have no head
 ROBOT_ANGLES, HUMAN_ANGLES = [ROW_THETA], [ROW_THETA, ROW_HEAD]  # columns with angles
 ABSENT = -1  # activity of a pedestrian that is not present
@@ -39,10 +29,10 @@ ABSENT = -1  # activity of a pedestrian that is not present
 
 def columns() -> dict[str, list[dict[str, str]]]:
     """Return the value of the key `columns`: name, unit and frame of each column."""
-    tables = {"robot": ROBOT_COLUMNS, "humans": HUMAN_COLUMNS, "command": COMMAND_COLUMNS}
+    frames = {"robot": "world", "humans": "world", "command": "body"}
     return {
-        key: [{"name": name, "unit": unit, "frame": frame} for name, unit, frame in table]
-        for key, table in tables.items()
+        key: [{"name": name, "unit": _UNITS[name], "frame": frames[key]} for name in names]
+        for key, names in COLUMNS.items()
     }
 
 
@@ -178,11 +168,6 @@ def _tuples(value: Any) -> Any:
 
 def software_versions() -> dict[str, str]:
     """Return the versions of sonata2d, Python, NumPy and pymunk, and the platform: all that bytes may depend on."""
-    return dict(_software_versions())
-
-
-@cache
-def _software_versions() -> dict[str, str]:
     return {
         "sonata2d": __version__,
         "python": platform.python_version(),
@@ -192,6 +177,7 @@ def _software_versions() -> dict[str, str]:
     }
 
 
+@cache
 def _version_of(package: str) -> str:
     # imported here because this import takes a tenth of the time of `import sonata2d`
     from importlib.metadata import PackageNotFoundError, version

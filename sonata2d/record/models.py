@@ -86,12 +86,12 @@ def model_of(kind: type, name: str | None = None, /, **changed: Any) -> type[Par
             types |= get_type_hints(Pose, include_extras=True)
             descriptions |= _documentation(Pose)[1]
         else:  # other dataclasses are objects in it
-            types[key] = Annotated[hint, FileForm()] if is_dataclass(hint) else hint
+            types[key] = Annotated[hint, _FileForm()] if is_dataclass(hint) else hint
     keys: Any = {key: (hint, Field(description=descriptions.get(key))) for key, hint in types.items()}
     return create_model(name or kind.__name__, __base__=Part, __doc__=text, **keys)
 
 
-class FileForm:
+class _FileForm:
     """Annotation of a dataclass that stands for its model, `model_of`; takes the same arguments."""
 
     def __init__(self, name: str | None = None, /, **changed: Any) -> None:
@@ -101,7 +101,7 @@ class FileForm:
         return handler.generate_schema(model_of(source, self._name, **self._changed))
 
 
-InFile = Annotated[T, FileForm()]
+_InFile = Annotated[T, _FileForm()]
 
 
 def _documentation(kind: type) -> tuple[str, dict[str, str]]:
@@ -121,13 +121,13 @@ class Room(Part):
 
 
 _SolidOutline = Annotated[
-    Annotated[Disc, FileForm("DiscShape", type=Literal["disc"])]
-    | Annotated[Rectangle, FileForm("RectangleShape", type=Literal["rectangle"])],
+    Annotated[Disc, _FileForm("DiscShape", type=Literal["disc"])]
+    | Annotated[Rectangle, _FileForm("RectangleShape", type=Literal["rectangle"])],
     Discriminator("type"),
 ]
-_Contact = Annotated[Contact, FileForm(id=Id)]
-_Event = Annotated[DeviceEvent, FileForm("Event")]
-_AskedLabel = Annotated[LabelSpec, FileForm(kind=Literal["yes_no", "classes", "slider", "text"])]
+_Contact = Annotated[Contact, _FileForm(id=Id)]
+_Event = Annotated[DeviceEvent, _FileForm("Event")]
+_AskedLabel = Annotated[LabelSpec, _FileForm(kind=Literal["yes_no", "classes", "slider", "text"])]
 _InteractionRow = Annotated[
     tuple[Id, str, Id],
     Field(description="src (id of a human), relation, dst (id of the human or object attended to)"),
@@ -271,19 +271,19 @@ class Episode(Part):
     settings: Settings | None = Field(
         description="all settings of the scenario, with defaults; null: the scene was not generated"
     )
-    rules: InFile[Rules]
+    rules: _InFile[Rules]
     room: Room
     walls: list[tuple[Number, Number, Number, Number]] = Field(description="x1, y1, x2, y2, m, world frame")
-    objects: list[Annotated[Furniture, FileForm("Object", shape=_SolidOutline)]]
-    doors: list[InFile[Door]] = Field(description="through which pedestrians enter and leave")
-    queues: list[InFile[Queue]] = Field(description="in which pedestrians stand in line")
-    places: list[InFile[Place]] = Field(description="of interest, to which wandering pedestrians go")
-    humans: list[InFile[Human]] = Field(description="in the order of the rows in frames")
-    groups: list[InFile[Group]]
+    objects: list[Annotated[Furniture, _FileForm("Object", shape=_SolidOutline)]]
+    doors: list[_InFile[Door]] = Field(description="through which pedestrians enter and leave")
+    queues: list[_InFile[Queue]] = Field(description="in which pedestrians stand in line")
+    places: list[_InFile[Place]] = Field(description="of interest, to which wandering pedestrians go")
+    humans: list[_InFile[Human]] = Field(description="in the order of the rows in frames")
+    groups: list[_InFile[Group]]
     interactions: list[_InteractionRow] = Field(description="at the start: [src, relation, dst]")
-    robot: InFile[Robot]
-    goal: InFile[Goal]
-    social: InFile[Social] | None = Field(description="social behaviour during the episode; null: none")
+    robot: _InFile[Robot]
+    goal: _InFile[Goal]
+    social: _InFile[Social] | None = Field(description="social behaviour during the episode; null: none")
     dropped: list[str] = Field(description="requested items that could not be placed")
     controller: Controller
     labels: dict[str, str] | None = Field(description="meaning of the labels' keys; null: the command is the label")

@@ -22,7 +22,7 @@ from ..errors import NewerFormatError, RecordError
 from ..version import FORMAT, FORMAT_VERSION, LAST_RELEASE
 from .files import read_bytes, unpacked
 from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
-from .record import EpisodeRecord, States, wrap_read_errors
+from .record import EpisodeRecord, States
 from .shard_file import is_member, is_shard, members_of, read_members
 from .validate import require_valid
 
@@ -99,15 +99,18 @@ def record_from_document(document: JsonDict, path: Path) -> EpisodeRecord:
 
     Args:
         document: valid, see `validate.require_valid`.
-        path: of the file, for error messages.
-
-    Raises:
-        RecordError: the document is not a complete episode.
+        path: of the file.
     """
-    with wrap_read_errors(path):
-        record = _create_record(path, document)
-        record.scene()
-    return record
+    frames, outcome = document["frames"], document["outcome"]
+    return EpisodeRecord(
+        path=path,
+        document=document,
+        states=_stack_states([*frames, document["final"]], len(document["humans"])),
+        command=_stack([frame["command"] for frame in frames], len(COMMAND_NAMES)),
+        executed=_stack([frame["executed"] for frame in frames], len(COMMAND_NAMES)),
+        guarded=frozen(np.array([frame["guarded"] for frame in frames], dtype=bool)),
+        outcome=Outcome(outcome["status"], outcome["reason"], outcome["tick"], outcome["time"]),
+    )
 
 
 def _document_of(content: bytes, path: Path) -> JsonDict:
@@ -138,19 +141,6 @@ def _document_of(content: bytes, path: Path) -> JsonDict:
             f"{path} has physics version {physics}; sonata2d {LAST_RELEASE[physics]} is the last release that reads it"
         )
     return document
-
-
-def _create_record(path: Path, document: JsonDict) -> EpisodeRecord:
-    frames, outcome = document["frames"], document["outcome"]
-    return EpisodeRecord(
-        path=path,
-        document=document,
-        states=_stack_states([*frames, document["final"]], len(document["humans"])),
-        command=_stack([frame["command"] for frame in frames], len(COMMAND_NAMES)),
-        executed=_stack([frame["executed"] for frame in frames], len(COMMAND_NAMES)),
-        guarded=frozen(np.array([frame["guarded"] for frame in frames], dtype=bool)),
-        outcome=Outcome(outcome["status"], outcome["reason"], outcome["tick"], outcome["time"]),
-    )
 
 
 def _stack_states(states: list[JsonDict], human_count: int) -> States:

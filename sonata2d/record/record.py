@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,7 +19,6 @@ from ..core.portable_math import Array, BoolArray, IntArray, unit_vector, unit_v
 from ..core.scene import Scene
 from ..core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot
 from ..core.wording import counted
-from ..errors import RecordError
 from ..view.drawing import Drawing, drawing_of
 from .counts import run_counts
 from .layout import (
@@ -332,17 +330,6 @@ class EpisodeRecord(Drawable):
 @drawing_of.register
 def _(record: EpisodeRecord) -> Drawing:
     return Drawing(list(record.snapshots()), record.outcome.status, record.command.tolist(), record.labels)
-
-
-@contextmanager
-def wrap_read_errors(path: Path) -> Iterator[None]:
-    """Convert every error that a damaged document causes into a RecordError that names the file."""
-    try:
-        yield
-    except KeyError as error:
-        raise RecordError(f"{path} is not a complete episode: {error} is missing") from error
-    except (TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
-        raise RecordError(f"{path} is not a complete episode: {error}") from error
 
 
 def _contact(row: JsonDict) -> Contact:

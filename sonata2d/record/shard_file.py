@@ -52,15 +52,6 @@ def shard_manifest_path(shard: Path) -> Path:
     return shard.with_name(shard.name.removesuffix(SHARD_SUFFIX) + SHARD_MANIFEST_SUFFIX)
 
 
-def member_exists(path: Path) -> bool:
-    """Whether the tar file of a path has such a member.
-
-    Raises:
-        OSError: the tar file cannot be read.
-    """
-    return path.name in extents(path.parent)
-
-
 def read_member(path: Path, max_bytes: int) -> bytes:
     """The content of a member.
 
@@ -71,12 +62,7 @@ def read_member(path: Path, max_bytes: int) -> bytes:
     Raises:
         OSError: there is no such member, it is larger, or the tar file cannot be read or is shorter than it should be.
     """
-    extent = extents(path.parent).get(path.name)
-    if extent is None:
-        raise FileNotFoundError(2, f"{path.parent.name} has no member {path.name}")
-    if extent.size > max_bytes:
-        raise OSError(27, f"it has more than {max_bytes} bytes, the limit for such files")
-    return _content(path.parent, extent)
+    return _content(path.parent, _extent(path.parent, extents(path.parent), path.name, max_bytes))
 
 
 def read_members(shard: Path, names: Sequence[str], max_bytes: int) -> list[bytes]:
@@ -92,12 +78,7 @@ def read_members(shard: Path, names: Sequence[str], max_bytes: int) -> list[byte
     """
     with explained(shard, "read"):
         known = extents(shard)
-        if missing := [name for name in names if name not in known]:
-            raise OSError(2, f"it has no member {missing[0]!r}")
-        members = [known[name] for name in names]
-        for name, extent in zip(names, members, strict=True):
-            if extent.size > max_bytes:
-                raise OSError(27, f"{name} has more than {max_bytes} bytes, the limit for such files")
+        members = [_extent(shard, known, name, max_bytes) for name in names]
         first = min(extent.offset for extent in members)
         last = max(extent.offset + extent.size for extent in members)
         if last - first > _APART * sum(extent.size + _BLOCK for extent in members):
@@ -105,6 +86,20 @@ def read_members(shard: Path, names: Sequence[str], max_bytes: int) -> list[byte
         data = content_of(shard, first, last)
         starts = ((extent, extent.offset - first) for extent in members)
         return [_whole(data[start : start + extent.size], extent) for extent, start in starts]
+
+
+def _extent(shard: Path, known: Mapping[str, Extent], name: str, max_bytes: int) -> Extent:
+    """The extent of a member, by the extents of all members.
+
+    Raises:
+        OSError: there is no such member, or it is larger than `max_bytes`.
+    """
+    extent = known.get(name)
+    if extent is None:
+        raise FileNotFoundError(2, f"{shard.name} has no member {name}")
+    if extent.size > max_bytes:
+        raise OSError(27, f"{name} has more than {max_bytes} bytes, the limit for such files")
+    return extent
 
 
 def _content(shard: Path, extent: Extent) -> bytes:

@@ -19,14 +19,13 @@ from ..core.relations import ACTIVITIES, RELATIONS
 from ..core.scene import Scene
 from ..core.wording import shown
 from ..errors import InvalidFileError, RecordError
-from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict, scene_to_json
+from .layout import ABSENT, COLUMNS, JsonDict, scene_to_json
 
 if TYPE_CHECKING:
     from .models import Part
 
 Finding = tuple[str, str]  # place, such as `frames.3.robot`, and what is wrong
 
-_COLUMNS = {"robot": ROBOT_NAMES, "humans": HUMAN_NAMES, "command": COMMAND_NAMES}
 _ENTITIES = ("humans", "objects", "groups", "doors", "queues", "places")  # the first two share their ids
 _MAX_FINDINGS = 100  # of the schema: of each list the first faulty entry
 
@@ -41,7 +40,7 @@ def require_valid(document: Any, path: Path) -> None:
     Raises:
         InvalidFileError: it is invalid; one line with the first finding, and all of them as `findings`.
     """
-    findings = list(findings_of(document))
+    findings = list(_findings(document))
     if findings:
         place, message = findings[0]
         rest = len(findings) - 1
@@ -61,7 +60,7 @@ def consistent_scene(scene: Scene) -> JsonDict:
     return document
 
 
-def findings_of(document: Any) -> Iterator[Finding]:
+def _findings(document: Any) -> Iterator[Finding]:
     """All violations of the schema; if there are none, all inconsistencies of the content."""
     from .models import Episode
 
@@ -157,7 +156,7 @@ def _activity_findings(names: list[str]) -> Iterator[Finding]:
 
 
 def _column_findings(columns: JsonDict) -> Iterator[Finding]:
-    for block, names in _COLUMNS.items():
+    for block, names in COLUMNS.items():
         if [column["name"] for column in columns[block]] != list(names):
             yield f"columns.{block}", f"must be {', '.join(names)}"
 

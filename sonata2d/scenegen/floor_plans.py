@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.entities import Wall
 from ..core.geometry import Barriers, Point, Pose, Shape, quantised
-from ..core.outlines import COLUMNS, Line, OutlineRow, has_space, has_space_at, outline_row, rectangle_sides
+from ..core.outlines import COLUMNS, Line, OutlineRow, has_space, has_space_at, outline_row
 from ..core.portable_math import Array
 from ..core.rng import RandomStream
 from ..registry import ROOM_KINDS
@@ -69,7 +69,9 @@ class FloorPlan:
 
     def contains(self, shape: Shape, pose: Pose) -> bool:
         """Return whether the centre lies in the room and no side of a rectangle crosses a wall; touching is allowed."""
-        return self.has_space([outline_row(shape, pose, -math.inf)], sight_lines=rectangle_sides(shape, pose))
+        # the edge of a disc has no length, so that it crosses nothing
+        sides = [(*start, *end) for start, end, _ in shape.edges(pose)]
+        return self.has_space([outline_row(shape, pose, -math.inf)], sight_lines=sides)
 
     def has_space(
         self,
@@ -108,8 +110,7 @@ class FloorPlan:
     @cached_property
     def _borders(self) -> Array:
         """(K, 4), start and end of the edges of the outline, m."""
-        start = self.outline
-        return np.concatenate((start, np.concatenate((start[1:], start[:1]))), axis=1)
+        return np.ascontiguousarray(self.barriers.table[: len(self.polygon), :4])
 
     def mirrored(self) -> FloorPlan:
         """Return the mirror image: y changes sign."""
@@ -154,23 +155,22 @@ def load_room_kind(name: str) -> RoomKind:
     return kind
 
 
-def _problem(found: object) -> str | None:
+def _problem(value: object) -> str | None:
     """Return why an object cannot be used as a room kind, or None."""
-    return None if isinstance(found, RoomKind) else "is not a RoomKind; it must be sonata2d.scenegen.RoomKind(draw)"
+    return None if isinstance(value, RoomKind) else "is not a RoomKind; it must be sonata2d.scenegen.RoomKind(draw)"
 
 
 def draw_floor_plan(config: RoomConfig, rng: RandomStream) -> FloorPlan:
     """Draw a floor plan of one of the kinds, or return the given polygon; both with the given inner walls."""
-    given_walls = tuple(Wall(_rounded((x1, y1)), _rounded((x2, y2))) for x1, y1, x2, y2 in config.walls)
+    given_walls = tuple(Wall(_turned((x1, y1)), _turned((x2, y2))) for x1, y1, x2, y2 in config.walls)
     if config.polygon is not None:
         return FloorPlan("given", _counter_clockwise(config.polygon), given_walls)
     name = rng.choice(list(config.kinds), list(config.kinds.values()))
     kind = load_room_kind(name)
     corners, walls = kind.draw(config, rng)
     turns = config.turns.draw(rng) if kind.turned else 0
-    inner_walls = tuple(Wall(_rounded(_turned(a, turns)), _rounded(_turned(b, turns))) for a, b in walls)
-    outline = _counter_clockwise(tuple(_turned(corner, turns) for corner in corners))
-    return FloorPlan(name, outline, inner_walls + given_walls)
+    inner_walls = tuple(Wall(_turned(a, turns), _turned(b, turns)) for a, b in walls)
+    return FloorPlan(name, _counter_clockwise(corners, turns), inner_walls + given_walls)
 
 
 def _square(config: RoomConfig, rng: RandomStream) -> tuple[Corners, WallEnds]:
@@ -248,20 +248,17 @@ def _rectangle_corners(length: float, breadth: float) -> Corners:
     return (-x, -y), (x, -y), (x, y), (-x, y)
 
 
-def _turned(point: Point, quarters: int) -> Point:
-    """Rotate a point about the origin by quarter turns, without rounding."""
+def _turned(point: Point, quarters: int = 0) -> Point:
+    """Rotate a point about the origin by quarter turns, and round it to the precision of files."""
     x, y = point
     for _ in range(quarters):
         x, y = -y, x
-    return x, y
+    return quantised(x), quantised(y)
 
 
-def _counter_clockwise(corners: Corners) -> Corners:
-    """Round corners to the precision of files and put them into counter-clockwise order."""
+def _counter_clockwise(corners: Corners, quarters: int = 0) -> Corners:
+    """Rotate and round corners as `_turned` does, and put them into counter-clockwise order."""
+    corners = tuple(_turned(corner, quarters) for corner in corners)
     next_corners = (*corners[1:], corners[0])
     doubled_area = sum(x1 * y2 - x2 * y1 for (x1, y1), (x2, y2) in zip(corners, next_corners, strict=True))
-    return tuple(_rounded(corner) for corner in (corners if doubled_area > 0.0 else corners[::-1]))
-
-
-def _rounded(point: Point) -> Point:
-    return quantised(point[0]), quantised(point[1])
+    return corners if doubled_area > 0.0 else corners[::-1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from .floor_plans import FloorPlan, draw_floor_plan
 from .human_sampling import ReactionSampler
 from .journeys import Journeys, plan_journeys, with_visitors
 from .numbering import number_entities, ordered_entities
-from .pieces import FurnitureStreams, fixed_furniture
+from .pieces import fixed_furniture
 from .placed import (
     apply_jitter,
     check_goals,
@@ -29,7 +30,7 @@ from .placed import (
 )
 from .placement import Layout, cluster_radius
 from .robot_task import draw_robot_task, reserved_outlines
-from .sampling import EntityCluster, sample_entities, shape_of
+from .sampling import EntityCluster, TypeStreams, sample_entities, shape_of
 from .scenario.config import ScenarioConfig
 from .scenario.load import scenario_of
 
@@ -69,12 +70,13 @@ def generate(config: str | Path | ScenarioConfig, seed: int = 0, episode: int = 
     furniture = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
     journey_rng = RandomStream(seed, episode, "journeys")  # so that scenes without journeys stay the same
     journeys = plan_journeys(scenario, plan, reserved_outlines(scenario) + furniture, journey_rng)
-    streams = FurnitureStreams(seed, episode)
-    clusters = sample_entities(scenario, rng, streams)
+    # each type of furniture has a stream, so that a further type changes nothing else in a scene
+    stream_of = cache(partial(RandomStream, seed, episode, "scene"))
+    clusters = sample_entities(scenario, rng, stream_of)
     reactions = ReactionSampler(config.person, seed, episode)
     for attempt in range(1, config.max_layouts + 1):
         try:
-            scene = _try_layout(scenario, plan, fixed, clusters, journeys, reactions, rng, streams)
+            scene = _try_layout(scenario, plan, fixed, clusters, journeys, reactions, rng, stream_of)
             break
         except SceneError:
             if attempt == config.max_layouts:
@@ -98,7 +100,7 @@ def _try_layout(
     journeys: Journeys,
     reactions: ReactionSampler,
     rng: RandomStream,
-    streams: FurnitureStreams,
+    stream_of: TypeStreams,
 ) -> Scene:
     """Draw poses once for everything: given pedestrians, then clusters, then the robot and its goal.
 
@@ -118,7 +120,7 @@ def _try_layout(
     for k in sorted(range(len(clusters)), key=lambda k: (clusters[k].fixed is None, -cluster_radius(clusters[k]))):
         # furniture that nobody attends to has the stream of its type
         is_furniture = isinstance(clusters[k].members[0], Furniture)
-        poses = layout.place(clusters[k], fixed, streams[clusters[k].name] if is_furniture else rng)
+        poses = layout.place(clusters[k], fixed, stream_of(clusters[k].name) if is_furniture else rng)
         if poses is not None:
             placed[k] = poses
         elif not config.drop:
@@ -127,9 +129,7 @@ def _try_layout(
     humans, furniture = ordered_entities(drawn, fixed)
     obstacles = _obstacles(plan, humans.values(), furniture.values()).joined(standing_throughout(people.humans))
     robot, goal = draw_robot_task(config, layout, obstacles, rng)
-    # The given pedestrians are the first ones; drawn entities get the ids that these leave free.
-    taken, taken_groups = {human.id for human in people.humans}, {group.id for group in people.groups}
-    entities = number_entities([cluster for cluster, _ in drawn], humans, furniture, taken, taken_groups, reactions)
+    entities = number_entities([cluster for cluster, _ in drawn], humans, furniture, people, reactions)
     persons = zip(people.humans, config.people, strict=True)
     listed = [reactions.assign(human, person.reaction) for human, person in persons]
     scene = Scene(

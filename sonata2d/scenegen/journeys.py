@@ -11,21 +11,22 @@ import numpy as np
 from ..core.entities import Door, Group, Human, Interaction, Place, Queue
 from ..core.geometry import Disc, Point, Pose, Rectangle, canonical_angle, inside_polygon, quantised
 from ..core.navigation import FreeSpace
-from ..core.outlines import COLUMNS, outline_row
 from ..core.portable_math import PI, angle_of
 from ..core.relations import WALKING_TOGETHER
 from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..core.vectors import length
+from ..core.wording import counted
 from ..errors import SceneError
 from .floor_plans import FloorPlan
 from .human_sampling import ReactionSampler, draw_human
 from .numbering import free_ids
-from .placement import PlacedShape
+from .placement import Layout, PlacedShape
+from .scenario.base import Range
 from .scenario.config import ScenarioConfig
 from .scenario.sections import DoorConfig, QueueConfig
 
-ENTRY_DEPTH = 0.35  # m, from a door to where pedestrians appear
+_ENTRY_DEPTH = 0.35  # m, from a door to where pedestrians appear
 _PAIR_SPACING = 0.6  # m, between the members of a pair at a door
 _WIDE_DOOR = 1.0  # m, width from which a pair enters side by side
 _JAMB, _CORNER = 0.1, 0.4  # m, from a door to the end of its wall, at least: of given doors, and of drawn ones
@@ -66,77 +67,153 @@ def plan_journeys(
     Raises:
         SceneError: there is no space.
     """
-    taken = list(occupied)
-    doors: dict[int, Door] = {}
-    queues: dict[int, Queue] = {}
+    planner = _Planner(Layout(plan, config, [], list(occupied)), rng)
     waiting = [queue.waiting.draw(rng) for queue in config.queues]
-    for is_given in (True, False):  # what is given keeps its place, and what is drawn finds another one
+    for has_position in (True, False):  # given positions come first; drawn ones keep clear of them
         for k, door in enumerate(config.doors):
-            if (door.x is not None) == is_given:
-                doors[k] = _place_door(k + 1, door, plan, [*doors.values()], taken, config.max_attempts, rng)
-                taken.append(_door_zone(doors[k]))
+            if (door.x is not None) == has_position:
+                planner.place_door(k, door)
         for k, queue in enumerate(config.queues):
-            if (queue.x is not None) == is_given:
-                queues[k] = _place_queue(k + 1, queue, waiting[k], plan, taken, config.max_attempts, rng)
-                taken.append(_queue_zone(queues[k]))
+            if (queue.x is not None) == has_position:
+                planner.place_queue(k, queue, waiting[k])
     places = []
     for number, p in enumerate(config.places, 1):
         if not inside_polygon(np.array([[p.x, p.y]]), plan.outline).all():
             raise SceneError(f"the place ({p.x:g}, {p.y:g}) is outside the room; move it (places)")
-        stay = quantised(p.stay.min), quantised(p.stay.max)
-        places.append(Place(number, quantised(p.x), quantised(p.y), quantised(p.radius), quantised(p.weight), stay))
+        position, radius = (quantised(p.x), quantised(p.y)), quantised(p.radius)
+        places.append(Place(number, *position, radius, quantised(p.weight), _rounded(p.stay)))
     return Journeys(
-        tuple(doors[k] for k in sorted(doors)),
-        tuple(queues[k] for k in sorted(queues)),
+        tuple(planner.doors[k] for k in range(len(config.doors))),
+        tuple(planner.queues[k] for k in range(len(config.queues))),
         tuple(places),
         tuple(waiting),
-        tuple(taken[len(occupied) :]),
+        tuple(planner.zones),
     )
 
 
-# Doors
+class _Planner:
+    """Placement of doors and queues, one after another.
 
+    Args:
+        layout: the room with all that doors and queues keep clear of.
+        rng: random stream of the journeys.
 
-def _place_door(
-    number: int,
-    config: DoorConfig,
-    plan: FloorPlan,
-    others: Sequence[Door],
-    taken: Sequence[PlacedShape],
-    attempts: int,
-    rng: RandomStream,
-) -> Door:
-    """Place a door at the nearest place of the outline that is long enough, or draw its place."""
+    Attributes:
+        doors, queues: placed ones, by index in the scenario.
+        zones: their outlines.
+    """
 
-    def door_at(pose: Pose) -> Door:
-        return Door(number, pose, quantised(config.width), quantised(config.share))
+    def __init__(self, layout: Layout, rng: RandomStream) -> None:
+        self._layout, self._plan, self._attempts, self._rng = layout, layout.plan, layout.config.max_attempts, rng
+        self.zones: list[PlacedShape] = []
+        self.doors: dict[int, Door] = {}
+        self.queues: dict[int, Queue] = {}
+        # start, end and length of the edges of the outline, counter-clockwise, m
+        corners = (*self._plan.polygon, self._plan.polygon[0])
+        self._edges = [(a, b, length(b[0] - a[0], b[1] - a[1])) for a, b in pairwise(corners)]
 
-    if config.x is not None and config.y is not None:
-        pose = _nearest_on_outline((config.x, config.y), config.width, plan)
-        if pose is None:
-            raise SceneError(f"no wall is long enough for a door of {config.width:g} m; make it narrower")
-        if not _fits(door_at(pose), plan, others, taken):
+    def place_door(self, k: int, config: DoorConfig) -> None:
+        """Place a door at the nearest place of the outline that is long enough, or draw its place."""
+        for pose in [self._nearest_door(config)] if config.x is not None else self._drawn_doors(config):
+            door = Door(k + 1, pose, quantised(config.width), quantised(config.share))
+            if self._fits(door):
+                self.doors[k] = door
+                self._keep_free(_door_zone(door))
+                return
+        if config.x is not None:
             raise SceneError(
-                f"the door at ({pose.x:g}, {pose.y:g}) is too near to another one, or to furniture, a wall, or the "
-                "robot; move it"
+                f"the door at ({door.pose.x:g}, {door.pose.y:g}) is too near to another one, or to furniture, a wall, "
+                "or the robot; move it"
             )
-        return door_at(pose)
-    walls = [wall for wall in _edges(plan) if wall[2] > config.width + 2 * _CORNER]
-    for _ in range(attempts if walls else 0):
-        start, end, size = rng.choice(walls, [wall[2] - config.width - 2 * _CORNER for wall in walls])
+        raise SceneError(
+            f"no space for a door of {config.width:g} m in a {self._plan.size_text} room after {self._attempts} "
+            "attempts; give its place (x, y), or widen the room"
+        )
+
+    def _nearest_door(self, config: DoorConfig) -> Pose:
+        """The place for the middle of a door that is nearest to its given position.
+
+        Raises:
+            SceneError: no wall is long enough.
+        """
+        assert config.x is not None
+        assert config.y is not None
+        candidates: list[tuple[float, Pose]] = []
+        margin = config.width / 2 + _JAMB
+        for start, end, size in self._edges:
+            if size >= 2 * margin:
+                dx, dy = (end[0] - start[0]) / size, (end[1] - start[1]) / size
+                along = (config.x - start[0]) * dx + (config.y - start[1]) * dy
+                pose = _pose_on(start, end, min(max(along, margin), size - margin))
+                candidates.append((length(pose.x - config.x, pose.y - config.y), pose))
+        if not candidates:
+            raise SceneError(f"no wall is long enough for a door of {config.width:g} m; make it narrower")
+        return min(candidates, key=lambda item: item[0])[1]
+
+    def _drawn_doors(self, config: DoorConfig) -> Iterator[Pose]:
+        """Random places for the middle of a door."""
         margin = _CORNER + config.width / 2
-        door = door_at(_pose_on(start, end, rng.uniform(margin, size - margin)))
-        if _fits(door, plan, others, taken):
-            return door
-    raise SceneError(
-        f"no space for a door of {config.width:g} m in a {plan.size_text} room after {attempts} attempts; "
-        "give its place (x, y), or widen the room"
-    )
+        walls = [edge for edge in self._edges if edge[2] > config.width + 2 * _CORNER]
+        for _ in range(self._attempts if walls else 0):
+            start, end, size = self._rng.choice(walls, [wall[2] - config.width - 2 * _CORNER for wall in walls])
+            yield _pose_on(start, end, self._rng.uniform(margin, size - margin))
 
+    def _fits(self, door: Door) -> bool:
+        """Whether a door keeps its distance from others, and the space in front of it is free."""
+        spacings = (
+            length(door.pose.x - other.pose.x, door.pose.y - other.pose.y) - (door.width + other.width) / 2
+            for other in self.doors.values()
+        )
+        return all(spacing > _DOOR_SPACING for spacing in spacings) and self._is_free(_door_zone(door))
 
-def _edges(plan: FloorPlan) -> list[tuple[Point, Point, float]]:
-    """The edges of the outline, counter-clockwise, and their lengths, m."""
-    return [(a, b, length(b[0] - a[0], b[1] - a[1])) for a, b in pairwise((*plan.polygon, plan.polygon[0]))]
+    def _is_free(self, zone: PlacedShape) -> bool:
+        return self._layout.is_free(*zone, _GAP, _GAP)
+
+    def _keep_free(self, zone: PlacedShape) -> None:
+        self.zones.append(zone)
+        self._layout.occupy([zone])
+
+    def place_queue(self, k: int, config: QueueConfig, waiting: int) -> None:
+        """Place a queue at its position, or at a random wall; its capacity is the number of slots with space."""
+        best: Queue | None = None
+        for pose in self._queue_poses(config):
+            queue = self._with_space(
+                Queue(k + 1, pose.rounded(), quantised(config.spacing), _rounded(config.service), config.capacity)
+            )
+            if queue.capacity >= max(waiting, 1) and (best is None or queue.capacity > best.capacity):
+                best = queue
+            if best is not None and best.capacity == config.capacity:
+                break
+        if best is not None:
+            self.queues[k] = best
+            self._keep_free(_queue_zone(best))
+            return
+        people = counted(max(waiting, 1), "person")
+        if config.x is not None:
+            raise SceneError(
+                f"the queue at ({config.x:g}, {config.y:g}) has no space for {people}; move it, or turn it (theta)"
+            )
+        raise SceneError(
+            f"no space for a queue of {people} in a {self._plan.size_text} room after {self._attempts} attempts; "
+            "give its place (x, y, theta), or widen the room"
+        )
+
+    def _queue_poses(self, config: QueueConfig) -> Iterator[Pose]:
+        """The position of a queue, or random ones."""
+        if config.x is not None and config.y is not None:
+            yield Pose(config.x, config.y, config.theta)
+            return
+        for _ in range(self._attempts):
+            start, end, size = self._rng.choice(self._edges, [edge[2] for edge in self._edges])
+            wall = _pose_on(start, end, self._rng.uniform(0.0, size))
+            yield Pose(*wall.to_world((_WALL_GAP, 0.0)), wall.theta + PI)
+
+    def _with_space(self, queue: Queue) -> Queue:
+        """The queue with the number of its slots that are free as its capacity."""
+        free = 0
+        while free < queue.capacity and self._is_free((Disc(_SLOT_RADIUS), Pose(*queue.slot(free)))):
+            free += 1
+        return replace(queue, capacity=free)
 
 
 def _pose_on(start: Point, end: Point, along: float) -> Pose:
@@ -147,91 +224,19 @@ def _pose_on(start: Point, end: Point, along: float) -> Pose:
     return Pose(quantised(x), quantised(y), canonical_angle(angle_of(dx, -dy)))
 
 
-def _nearest_on_outline(point: Point, width: float, plan: FloorPlan) -> Pose | None:
-    """The place for the middle of a door that is nearest to a point; None if no wall is long enough."""
-    candidates: list[tuple[float, Pose]] = []
-    for start, end, size in _edges(plan):
-        margin = width / 2 + _JAMB
-        if size >= 2 * margin:
-            dx, dy = (end[0] - start[0]) / size, (end[1] - start[1]) / size
-            along = (point[0] - start[0]) * dx + (point[1] - start[1]) * dy
-            pose = _pose_on(start, end, min(max(along, margin), size - margin))
-            candidates.append((length(pose.x - point[0], pose.y - point[1]), pose))
-    return min(candidates, key=lambda item: item[0])[1] if candidates else None
-
-
-def _fits(door: Door, plan: FloorPlan, others: Sequence[Door], taken: Sequence[PlacedShape]) -> bool:
-    """Whether a door keeps its distance from others, and the space in front of it is free."""
-    spacings = (
-        length(door.pose.x - other.pose.x, door.pose.y - other.pose.y) - (door.width + other.width) / 2
-        for other in others
-    )
-    return all(spacing > _DOOR_SPACING for spacing in spacings) and _is_free(plan, [_door_zone(door)], taken)
-
-
-def _is_free(plan: FloorPlan, outlines: Sequence[PlacedShape], taken: Sequence[PlacedShape]) -> bool:
-    """Whether outlines lie in the room, and overlap neither a wall nor an outline that is taken."""
-    others = np.array([outline_row(*item) for item in taken]) if taken else np.empty((0, COLUMNS))
-    return plan.has_space([outline_row(shape, pose, _GAP) for shape, pose in outlines], others, _GAP)
-
-
 def _door_zone(door: Door) -> PlacedShape:
     x, y = door.pose.to_world((0.02 + _DOOR_ZONE / 2, 0.0))
     return Rectangle(_DOOR_ZONE, door.width), Pose(x, y, door.pose.theta)
-
-
-# Queues
-
-
-def _place_queue(
-    number: int,
-    config: QueueConfig,
-    waiting: int,
-    plan: FloorPlan,
-    taken: Sequence[PlacedShape],
-    attempts: int,
-    rng: RandomStream,
-) -> Queue:
-    """Place a queue where it is given, or at a random wall; its capacity is the number of slots with space."""
-    service = quantised(config.service.min), quantised(config.service.max)
-
-    def queue_at(pose: Pose) -> Queue | None:
-        queue = Queue(number, pose.rounded(), quantised(config.spacing), service, config.capacity)
-        free = 0
-        while free < queue.capacity and _is_free(plan, [(Disc(_SLOT_RADIUS), Pose(*queue.slot(free)))], taken):
-            free += 1
-        return replace(queue, capacity=free) if free >= max(waiting, 1) else None
-
-    people = "1 person" if waiting < 2 else f"{waiting} people"
-    if config.x is not None and config.y is not None:
-        queue = queue_at(Pose(config.x, config.y, config.theta))
-        if queue is None:
-            raise SceneError(
-                f"the queue at ({config.x:g}, {config.y:g}) has no space for {people}; move it, or turn it (theta)"
-            )
-        return queue
-    best: Queue | None = None
-    for _ in range(attempts):
-        start, end, size = rng.choice(walls := _edges(plan), [wall[2] for wall in walls])
-        wall = _pose_on(start, end, rng.uniform(0.0, size))
-        x, y = wall.to_world((_WALL_GAP, 0.0))
-        queue = queue_at(Pose(x, y, wall.theta + PI))
-        if queue is not None and (best is None or queue.capacity > best.capacity):
-            best = queue
-        if best is not None and best.capacity == config.capacity:
-            return best
-    if best is None:
-        raise SceneError(
-            f"no space for a queue of {people} in a {plan.size_text} room after {attempts} attempts; "
-            "give its place (x, y, theta), or widen the room"
-        )
-    return best
 
 
 def _queue_zone(queue: Queue) -> PlacedShape:
     extent = (queue.capacity - 1) * queue.spacing + 2 * _SLOT_RADIUS
     x, y = queue.pose.to_world((_SLOT_RADIUS - extent / 2, 0.0))
     return Rectangle(extent, 2 * _SLOT_RADIUS), Pose(x, y, queue.pose.theta)
+
+
+def _rounded(duration: Range) -> tuple[float, float]:
+    return quantised(duration.min), quantised(duration.max)
 
 
 # People
@@ -315,13 +320,12 @@ def _arrivals(config: ScenarioConfig, doors: Sequence[Door], last_tick: int, rng
         minutes = config.rules.time_limit / 60.0
         for _ in range(rng.poisson(settings.inflow * minutes)):
             tick = 1 + int(rng.uniform() * max(last_tick - 1, 0))
-            spots = [(ENTRY_DEPTH, 0.0)]
+            spots = [(_ENTRY_DEPTH, 0.0)]
             if settings.pairs and rng.uniform() < settings.pairs:
                 half = _PAIR_SPACING / 2
-                is_wide = door.width >= _WIDE_DOOR
-                spots = [(ENTRY_DEPTH, half), (ENTRY_DEPTH, -half)] if is_wide else [
-                    (ENTRY_DEPTH + _PAIR_SPACING, 0.0), (ENTRY_DEPTH, 0.0)
-                ]  # fmt: skip
+                side_by_side = [(_ENTRY_DEPTH, half), (_ENTRY_DEPTH, -half)]
+                in_line = [(_ENTRY_DEPTH + _PAIR_SPACING, 0.0), (_ENTRY_DEPTH, 0.0)]
+                spots = side_by_side if door.width >= _WIDE_DOOR else in_line
             room = max(door.reach - max(y for _, y in spots), 0.0)
             aside = rng.uniform(-room, room)
             parties.append([_entering(config, door, (x, y + aside), tick, rng) for x, y in spots])

@@ -23,9 +23,9 @@ class NumberedEntities:
     """Pedestrians and furniture with their ids, and the groups and interactions between these ids."""
 
     humans: tuple[Human, ...]
-    furniture: tuple[Furniture, ...]
     groups: tuple[Group, ...]
     interactions: tuple[Interaction, ...]
+    furniture: tuple[Furniture, ...] = ()
 
 
 def ordered_entities(
@@ -39,27 +39,25 @@ def ordered_entities(
         placed: clusters, each with the poses of its members in the world frame.
         fixed: fixed furniture.
     """
-    types = list(FURNITURE_TYPES)
-    humans: dict[Key, Human] = {}
-    furniture = {(_FIXED, k): piece for k, piece in enumerate(fixed)}
+    rank = {name: k for k, name in enumerate(FURNITURE_TYPES)}
+    humans: list[tuple[Key, Human]] = []
+    furniture = [((_FIXED, k), piece) for k, piece in enumerate(fixed)]
     for k, (cluster, poses) in enumerate(placed):
         for m, (member, pose) in enumerate(zip(cluster.members, poses, strict=True)):
             if isinstance(member, Human):
-                humans[k, m] = replace(member, pose=pose)
+                humans.append(((k, m), replace(member, pose=pose)))
             else:
-                furniture[k, m] = replace(member, pose=pose)
-    return (
-        dict(sorted(humans.items(), key=lambda item: item[1].behaviour != "standing")),
-        dict(sorted(furniture.items(), key=lambda item: _rank(item[1].type, types))),
-    )
+                furniture.append(((k, m), replace(member, pose=pose)))
+    humans.sort(key=lambda item: item[1].behaviour != "standing")
+    furniture.sort(key=lambda item: rank.get(item[1].type, len(rank)))
+    return dict(humans), dict(furniture)
 
 
 def number_entities(
     clusters: list[EntityCluster],
     humans: dict[Key, Human],
     furniture: dict[Key, Furniture],
-    taken: Collection[int],
-    taken_groups: Collection[int],
+    people: NumberedEntities,
     reactions: ReactionSampler,
 ) -> NumberedEntities:
     """Give ids to pedestrians, furniture and groups, and to each pedestrian its reaction to the robot.
@@ -67,21 +65,17 @@ def number_entities(
     Args:
         clusters: the placed ones.
         humans, furniture: as `ordered_entities` returns them.
-        taken, taken_groups: ids that others have; the lowest free ones are given.
+        people: pedestrians of the section `people`, whose ids are taken; the lowest free ones are given.
         reactions: by id.
     """
     keys = [*humans, *furniture]
-    ids = dict(zip(keys, free_ids(taken, len(keys)), strict=True))
+    ids = dict(zip(keys, free_ids({human.id for human in people.humans}, len(keys)), strict=True))
     related = [(k, cluster, RELATION[cluster.relation]) for k, cluster in enumerate(clusters) if cluster.relation]
     groups = [(k, cluster, relation.group) for k, cluster, relation in related if relation.group]
-    group_ids = dict(zip((k for k, *_ in groups), free_ids(taken_groups, len(groups)), strict=True))
+    free_groups = free_ids({group.id for group in people.groups}, len(groups))
+    group_ids = dict(zip((k for k, *_ in groups), free_groups, strict=True))
     return NumberedEntities(
         tuple(reactions.assign(human, id=ids[key], group=group_ids.get(key[0])) for key, human in humans.items()),
-        tuple(
-            # a piece lies on a member of its cluster, or on another piece of the fixed furniture
-            replace(piece, id=ids[key], on=None if piece.on is None else ids[key[0], piece.on])
-            for key, piece in furniture.items()
-        ),
         tuple(
             Group(group_ids[k], kind, tuple(ids[key] for key in _member_keys(k, cluster)), cluster.formation)
             for k, cluster, kind in groups
@@ -91,16 +85,17 @@ def number_entities(
             for k, cluster, relation in related
             for a, b in _interacting_keys(k, cluster, relation)
         ),
+        tuple(
+            # a piece lies on a member of its cluster, or on another piece of the fixed furniture
+            replace(piece, id=ids[key], on=None if piece.on is None else ids[key[0], piece.on])
+            for key, piece in furniture.items()
+        ),
     )
 
 
-def free_ids(taken: Collection[int], count: int) -> list[int]:
+def free_ids(taken: Collection[int | None], count: int) -> list[int]:
     """Return the lowest `count` ids from 1 that are not taken."""
     return [number for number in range(1, len(taken) + count + 1) if number not in taken][:count]
-
-
-def _rank(name: str, types: list[str]) -> int:
-    return types.index(name) if name in types else len(types)
 
 
 def _member_keys(k: int, cluster: EntityCluster) -> list[Key]:

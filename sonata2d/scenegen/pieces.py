@@ -7,27 +7,9 @@ from dataclasses import replace
 from ..core.entities import Furniture
 from ..core.geometry import Disc, Pose, Rectangle, Shape, quantised
 from ..core.outlines import shape_gap
-from ..core.rng import RandomStream
 from ..registry import furniture_type
 from .scenario.config import ScenarioConfig
 from .scenario.sections import FurnitureConfig, Size
-
-
-class FurnitureStreams(dict[str, RandomStream]):
-    """The random stream of each type of furniture, by name, so that a further type changes nothing else in a scene.
-
-    Args:
-        seed: of the data set.
-        episode: number of the episode in the data set.
-    """
-
-    def __init__(self, seed: int, episode: int) -> None:
-        super().__init__()
-        self._seed, self._episode = seed, episode
-
-    def __missing__(self, name: str) -> RandomStream:
-        self[name] = RandomStream(self._seed, self._episode, "scene", name)
-        return self[name]
 
 
 def shape_of_size(size: Size) -> Shape:

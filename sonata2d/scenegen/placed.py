@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+import operator
+from collections.abc import Callable
+from dataclasses import replace
 from itertools import combinations
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,13 +21,15 @@ from ..core.relations import TALKING, WALKING_TOGETHER
 from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..errors import SceneError
+from .numbering import NumberedEntities, free_ids
 from .pieces import faces_ahead
 from .placement import Layout
-from .scenario.base import Jitter
+from .scenario.base import Jitter, Range, Settings
 from .scenario.config import ScenarioConfig
 from .scenario.people import PersonSpec, Track
 from .scenario.sections import PersonConfig
 
+S = TypeVar("S", bound=Settings)
 _SLOW = 0.1  # m/s, below which a velocity does not determine where a pedestrian faces
 _TOLERANCE = 1e-6  # ticks, rounding error of a time divided by the tick
 _SQUEEZE = 0.01  # m, that bodies need on both sides to pass a gap
@@ -40,90 +45,76 @@ def apply_jitter(config: ScenarioConfig, rng: RandomStream) -> ScenarioConfig:
         return config
     people = tuple(_jitter_person(person, rng) for person in config.people)
     if robot.pose is not None and any(robot.jitter):
-        dx, dy, turn = _draw_offset(robot.jitter, rng)
-        x, y, theta = robot.pose
-        robot = robot.model_copy(update={"pose": (x + dx, y + dy, theta + turn)})
+        robot = robot.model_copy(update={"pose": _shifted(robot.pose, _draw_offset(robot.jitter, rng))})
     if goal.position is not None and any(goal.jitter):
-        dx, dy, _ = _draw_offset((*goal.jitter, 0.0), rng)
-        goal = goal.model_copy(update={"position": (goal.position[0] + dx, goal.position[1] + dy)})
+        goal = goal.model_copy(update={"position": _shifted(goal.position, _draw_offset((*goal.jitter, 0.0), rng))})
     return config.model_copy(update={"people": people, "robot": robot, "goal": goal})
 
 
 def _jitter_person(person: PersonSpec, rng: RandomStream) -> PersonSpec:
     if not any(person.jitter):
         return person
-    dx, dy, turn = _draw_offset(person.jitter, rng)
-    goals = tuple((x + dx, y + dy) for x, y in person.goals)
-    x, y = person.start
-    theta = None if person.theta is None else person.theta + turn
-    return person.model_copy(update={"x": x + dx, "y": y + dy, "theta": theta, "goals": goals})
+    offset = _draw_offset(person.jitter, rng)
+    x, y = _shifted(person.start, offset)
+    theta = None if person.theta is None else person.theta + offset[2]
+    goals = tuple(_shifted(goal, offset) for goal in person.goals)
+    return person.model_copy(update={"x": x, "y": y, "theta": theta, "goals": goals})
 
 
-def _draw_offset(jitter: Jitter, rng: RandomStream) -> tuple[float, float, float]:
+def _shifted(place: tuple[float, ...], offset: Jitter) -> tuple[float, ...]:
+    """A position or pose with an offset."""
+    return tuple(map(operator.add, place, offset))
+
+
+def _draw_offset(jitter: Jitter, rng: RandomStream) -> Jitter:
     x, y, theta = (rng.uniform(-maximum, maximum) for maximum in jitter)
     return x, y, theta
 
 
 def mirror_config(config: ScenarioConfig) -> ScenarioConfig:
     """Mirror all given positions: y changes sign."""
-    robot, goal, groups = config.robot, config.goal, config.groups
-    if robot.pose is not None:
-        x, y, theta = robot.pose
-        robot = robot.model_copy(update={"pose": (x, -y, -theta)})
-    goal_theta = None if goal.theta is None else -goal.theta
-    goal_position = None if goal.position is None else _mirror_point(goal.position)
     # the front of furniture is its -y side, so that its mirror image is turned by pi - theta, not by -theta as a chair
     furniture = (
         p.model_copy(update={"y": -p.y, "theta": -p.theta if faces_ahead(config, p) else PI - p.theta})
         for p in config.furniture
     )
-    return config.model_copy(
-        update={
-            "robot": robot,
-            "goal": goal.model_copy(update={"position": goal_position, "theta": goal_theta}),
-            "furniture": tuple(furniture),
-            "doors": tuple(d.model_copy(update={"y": None if d.y is None else -d.y}) for d in config.doors),
-            "queues": tuple(
-                q.model_copy(update={"y": None if q.y is None else -q.y, "theta": -q.theta}) for q in config.queues
-            ),
-            "places": tuple(p.model_copy(update={"y": -p.y}) for p in config.places),
-            "people": tuple(_mirror_person(person) for person in config.people),
-            "groups": groups.model_copy(update={"places": tuple(_mirror_point(place) for place in groups.places)}),
-        }
-    )
-
-
-def _mirror_person(person: PersonSpec) -> PersonSpec:
-    return person.model_copy(
-        update={
-            "y": None if person.y is None else -person.y,
-            "theta": None if person.theta is None else -person.theta,
-            "velocity": None if person.velocity is None else _mirror_point(person.velocity),
-            "goals": tuple(_mirror_point(goal) for goal in person.goals),
-            "track": person.track and tuple((t, x, -y) for t, x, y in person.track),
-        }
-    )
+    sections = {key: _mirrored(getattr(config, key)) for key in ("robot", "goal", "groups")}
+    lists = {key: tuple(map(_mirrored, getattr(config, key))) for key in ("doors", "queues", "places", "people")}
+    return config.model_copy(update={**sections, **lists, "furniture": tuple(furniture)})
 
 
 def _mirror_point(point: Point) -> Point:
     return point[0], -point[1]
 
 
+def _mirror_points(points: tuple[Point, ...]) -> tuple[Point, ...]:
+    return tuple(map(_mirror_point, points))
+
+
+# functions that mirror the value of a setting, by key of the sections that are mirrored
+_MIRRORS: dict[str, Callable[[Any], Any]] = {
+    "y": operator.neg,
+    "theta": operator.neg,
+    "pose": lambda pose: (pose[0], -pose[1], -pose[2]),
+    "position": _mirror_point,
+    "velocity": _mirror_point,
+    "goals": _mirror_points,
+    "places": _mirror_points,
+    "track": lambda track: tuple((t, x, -y) for t, x, y in track),
+}
+
+
+def _mirrored(section: S) -> S:
+    values = {key: getattr(section, key) for key in _MIRRORS if key in type(section).model_fields}
+    return section.model_copy(update={k: _MIRRORS[k](value) for k, value in values.items() if value is not None})
+
+
 # Creation of pedestrians
-
-
-@dataclass(frozen=True, slots=True)
-class PlacedEntities:
-    """The pedestrians of `people`, their groups and their interactions."""
-
-    humans: tuple[Human, ...] = ()
-    groups: tuple[Group, ...] = ()
-    interactions: tuple[Interaction, ...] = ()
 
 
 def create_placed_entities(
     people: tuple[PersonSpec, ...], defaults: PersonConfig, dt: float, rng: RandomStream
-) -> PlacedEntities:
+) -> NumberedEntities:
     """Create the pedestrians of `people`; properties that are not given are drawn.
 
     Args:
@@ -135,8 +126,7 @@ def create_placed_entities(
     Raises:
         SceneError: no tick lies within the time span of a track.
     """
-    taken = {person.id for person in people}
-    free = (number for number in range(1, 2 * len(people) + 1) if number not in taken)
+    free = iter(free_ids({person.id for person in people}, len(people)))
     humans = [_create_human(person, person.id or next(free), defaults, dt, rng) for person in people]
     members: dict[int, list[int]] = {}
     for human in humans:
@@ -146,7 +136,7 @@ def create_placed_entities(
     humans = [_adapt_to_group(human, person, humans) for human, person in zip(humans, people, strict=True)]
     talking = {human.group for human in humans if human.behaviour == "standing"}
     pairs = ((number, pair) for number, ids in groups.items() for pair in combinations(ids, 2))
-    return PlacedEntities(
+    return NumberedEntities(
         tuple(human if human.group in groups else replace(human, group=None) for human in humans),
         tuple(_create_group(number, ids, number in talking) for number, ids in sorted(groups.items())),
         tuple(Interaction(a, TALKING if n in talking else WALKING_TOGETHER, b) for n, (a, b) in pairs),
@@ -176,10 +166,14 @@ def _adapt_to_group(human: Human, spec: PersonSpec, humans: list[Human]) -> Huma
 
 def _create_human(spec: PersonSpec, id: int, defaults: PersonConfig, dt: float, rng: RandomStream) -> Human:
     # drawn even where the property is given: the order of draws is part of what a seed means
-    drawn_speed = defaults.desired_speed.draw(rng)
-    drawn_radius, drawn_breadth = defaults.radius.draw(rng), defaults.breadth.draw(rng)
-    headway, politeness = defaults.headway.draw(rng), defaults.politeness.draw(rng)
+    keys = ("desired_speed", "radius", "breadth", "headway", "politeness")
+    drawn = {key: getattr(defaults, key).draw(rng) for key in keys}
     ignores = rng.uniform() < defaults.ignores_robot
+    for key in ("radius", "breadth", "desired_speed", "headway", "politeness"):
+        value = getattr(spec, key)
+        if value is not None:
+            drawn[key] = value.draw(rng) if isinstance(value, Range) else value
+    properties: Any = {key: quantised(value) for key, value in drawn.items()}
     reacts = spec.reacts_to_robot
     if reacts is None:
         # a recorded pedestrian follows its track whatever the robot does
@@ -189,11 +183,6 @@ def _create_human(spec: PersonSpec, id: int, defaults: PersonConfig, dt: float, 
     human = Human(
         id=id,
         pose=Pose(*spec.start).rounded(),
-        radius=quantised(spec.radius.draw(rng) if spec.radius else drawn_radius),
-        breadth=quantised(spec.breadth.draw(rng) if spec.breadth else drawn_breadth),
-        desired_speed=quantised(spec.desired_speed.draw(rng) if spec.desired_speed else drawn_speed),
-        headway=quantised(spec.headway if spec.headway is not None else headway),
-        politeness=quantised(spec.politeness if spec.politeness is not None else politeness),
         behaviour=spec.resolved_behaviour,
         model=defaults.model,
         reacts_to_robot=quantised(reacts),
@@ -203,6 +192,7 @@ def _create_human(spec: PersonSpec, id: int, defaults: PersonConfig, dt: float, 
         leaves=None if spec.leaves is None else max(int(spec.leaves / dt + 1.0 - _TOLERANCE), enters + 1),
         exits=spec.exits,
         stays=tuple(quantised(spec.stay.draw(rng)) for _ in spec.goals[1:]) if spec.stay.max > 0.0 else (),
+        **properties,
     )
     if spec.track is not None:
         human = _with_track(human, spec.track, dt)
@@ -276,16 +266,17 @@ def _slope(track: Track, k: int) -> Point:
     the only neighbour.
     """
     if k == 0 or k == len(track) - 1:
-        (t0, x0, y0), (t1, x1, y1) = track[max(k - 1, 0)], track[min(k + 1, len(track) - 1)]
-        return (x1 - x0) / (t1 - t0), (y1 - y0) / (t1 - t0)
-    (t0, x0, y0), (t1, x1, y1), (t2, x2, y2) = track[k - 1 : k + 2]
-    before, after = t1 - t0, t2 - t1
-    slope_in, slope_out = ((x1 - x0) / before, (y1 - y0) / before), ((x2 - x1) / after, (y2 - y1) / after)
+        return _chord(track[max(k - 1, 0)], track[min(k + 1, len(track) - 1)])
+    (vx, vy), (next_vx, next_vy) = _chord(track[k - 1], track[k]), _chord(track[k], track[k + 1])
+    before, after = track[k][0] - track[k - 1][0], track[k + 1][0] - track[k][0]
     fraction = before / (before + after)
-    return (
-        slope_in[0] + (slope_out[0] - slope_in[0]) * fraction,
-        slope_in[1] + (slope_out[1] - slope_in[1]) * fraction,
-    )
+    return vx + (next_vx - vx) * fraction, vy + (next_vy - vy) * fraction
+
+
+def _chord(start: tuple[float, float, float], end: tuple[float, float, float]) -> Point:
+    """Return the velocity along the straight line between two track points, m/s."""
+    step = end[0] - start[0]
+    return (end[1] - start[1]) / step, (end[2] - start[2]) / step
 
 
 def _interpolate(track: Track, slopes: list[Point], k: int, t: float) -> Point:
@@ -303,7 +294,7 @@ def _interpolate(track: Track, slopes: list[Point], k: int, t: float) -> Point:
 # Placement
 
 
-def check_placed_positions(placed: PlacedEntities, outline: Array, robot: Pose | None, radius: float) -> None:
+def check_placed_positions(placed: NumberedEntities, outline: Array, robot: Pose | None, radius: float) -> None:
     """Check that given positions lie in the room, and that a given robot does not start on a pedestrian.
 
     Args:
@@ -334,7 +325,7 @@ def check_placed_positions(placed: PlacedEntities, outline: Array, robot: Pose |
 
 
 def place_given(
-    config: ScenarioConfig, placed: PlacedEntities, layout: Layout, furniture: tuple[Furniture, ...]
+    config: ScenarioConfig, placed: NumberedEntities, layout: Layout, furniture: tuple[Furniture, ...]
 ) -> None:
     """Occupy the space of the given pedestrians that are present at tick 0.
 

@@ -16,12 +16,12 @@ from .placement import Layout, PlacedShape
 from .scenario.config import ScenarioConfig
 from .scenario.people import path_segments
 
-PATH_MARGIN = 0.05  # m, minimum gap between the robot and obstacles along a path
+_PATH_MARGIN = 0.05  # m, minimum gap between the robot and obstacles along a path
 
 
 def reserved_outlines(config: ScenarioConfig) -> list[PlacedShape]:
     """Return the outlines that a given start and a given goal occupy."""
-    disc = Disc(config.robot.radius + PATH_MARGIN)
+    disc = Disc(config.robot.radius + _PATH_MARGIN)
     places = (config.robot.pose, config.goal.position)
     return [(disc, Pose(*place).rounded()) for place in places if place is not None]
 
@@ -41,11 +41,13 @@ def draw_robot_task(
         SceneError: a given start or goal is not free; no path connects a given start and goal; or `max_attempts` pairs
             of start and goal failed.
     """
-    space = FreeSpace(layout.plan.outline, barriers, config.robot.radius + PATH_MARGIN)
+    space = FreeSpace(layout.plan.outline, barriers, config.robot.radius + _PATH_MARGIN)
     _check_given(config, space)
-    paths = path_segments(config.people)
+    paths, sample_point = path_segments(config.people), layout.plan.sample_point
+    pose, position = config.robot.pose, config.goal.position
     for _ in range(config.max_attempts):
-        start, goal = _draw_start(config, layout, rng), _draw_goal(config, layout, rng)
+        start = Pose(*(pose or (*sample_point(rng), rng.uniform(-PI, PI)))).rounded()
+        goal = Pose(*(position or sample_point(rng))).rounded()
         if _is_feasible(config, layout, space, paths, start, goal):
             return _create_robot(config, start), _create_goal(config, goal, rng)
     remedy = "or ask for fewer humans and less furniture"
@@ -74,20 +76,6 @@ def _check_given(config: ScenarioConfig, space: FreeSpace) -> None:
         )
 
 
-def _draw_start(config: ScenarioConfig, layout: Layout, rng: RandomStream) -> Pose:
-    """Return the given start, or draw a pose."""
-    if config.robot.pose is not None:
-        return Pose(*config.robot.pose).rounded()
-    return Pose(*layout.plan.sample_point(rng), rng.uniform(-PI, PI)).rounded()
-
-
-def _draw_goal(config: ScenarioConfig, layout: Layout, rng: RandomStream) -> Pose:
-    """Return the given goal, or draw a position."""
-    if config.goal.position is not None:
-        return Pose(*config.goal.position).rounded()
-    return Pose(*layout.plan.sample_point(rng)).rounded()
-
-
 def _is_feasible(
     config: ScenarioConfig, layout: Layout, space: FreeSpace, paths: Barriers, start: Pose, goal: Pose
 ) -> bool:
@@ -108,7 +96,7 @@ def _is_feasible(
 
 def _is_suitable(config: ScenarioConfig, layout: Layout, paths: Barriers, pose: Pose, clearance: float) -> bool:
     """Return whether a drawn pose keeps a clearance, and is within `robot.on_ways` of a pedestrian's path."""
-    gap, max_distance = max(clearance, PATH_MARGIN), config.robot.on_ways
+    gap, max_distance = max(clearance, _PATH_MARGIN), config.robot.on_ways
     if not layout.is_free(Disc(config.robot.radius), pose, gap, gap):
         return False
     return max_distance is None or bool((paths.gaps(np.array([pose.position])) <= max_distance).any())

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from ..core.entities import Behaviour, Formation, Furniture, Human
 from ..core.furniture_types import LAPTOP, FurnitureType
 from ..core.geometry import Disc, Point, Pose, Shape
 from ..core.portable_math import PI
-from ..core.relations import ORIGINAL_RELATIONS, RELATION, TALKING, WALKING_TOGETHER
+from ..core.relations import ORIGINAL_RELATIONS, RELATION, TALKING, WALKING_TOGETHER, Relation
 from ..core.rng import RandomStream
 from ..registry import furniture_type, furniture_types
 from .formations import GroupLayout, talking_formation, walking_formation
 from .human_sampling import draw_human
-from .pieces import FurnitureStreams, create_piece
+from .pieces import create_piece
 from .scenario.base import Range
 from .scenario.config import ScenarioConfig
 
 Entity = Human | Furniture
+TypeStreams = Callable[[str], RandomStream]
 
 _ORIGIN = Pose(0.0, 0.0)
 _ANY_YAW = Range(-PI, PI)
@@ -42,7 +45,7 @@ class EntityCluster:
 
     name: str
     members: tuple[Entity, ...]
-    yaw: Range
+    yaw: Range = _ANY_YAW
     relation: str | None = None
     fixed: int | None = None
     distance: Range | None = None
@@ -56,15 +59,15 @@ def shape_of(entity: Entity) -> Shape:
     return Disc(entity.shape.circumradius) if isinstance(entity, Human) else entity.shape
 
 
-def sample_entities(config: ScenarioConfig, rng: RandomStream, streams: FurnitureStreams) -> list[EntityCluster]:
+def sample_entities(config: ScenarioConfig, rng: RandomStream, stream_of: TypeStreams) -> list[EntityCluster]:
     """Sample pedestrians and drawn furniture, as clusters: relations first, then single entities.
 
     Args:
         config: the scenario.
         rng: random stream of the scene.
-        streams: of the types of furniture.
+        stream_of: function that returns the random stream of a type of furniture by its name.
     """
-    sampler = _Sampler(config, rng, streams)
+    sampler = _Sampler(config, rng, stream_of)
     # the counts are drawn before any cluster is: the order of draws is part of what a seed means
     counts = {name: getattr(config, relation.setting).draw(rng) for name, relation in RELATION.items()}
     for name, count in counts.items():
@@ -88,14 +91,14 @@ class _Sampler:
         attended: types of drawn furniture, or of laptops on it, by this relation.
     """
 
-    def __init__(self, config: ScenarioConfig, rng: RandomStream, streams: FurnitureStreams) -> None:
+    def __init__(self, config: ScenarioConfig, rng: RandomStream, stream_of: TypeStreams) -> None:
         self.config, self.rng = config, rng
         self.clusters: list[EntityCluster] = []
         standing, wandering = _draw_human_counts(config, rng)
-        furniture = {name: count.draw(streams[name]) for name, count in config.counts.items()}
+        furniture = {name: count.draw(stream_of(name)) for name, count in config.counts.items()}
         self.free = Counter({"standing": standing, "wandering": wandering, **furniture})
         self.free_fixed: dict[str | None, list[int]] = {relation: [] for relation in (None, *RELATION)}
-        order = [streams[piece.type].uniform() for piece in config.furniture]
+        order = [stream_of(piece.type).uniform() for piece in config.furniture]
         for k in sorted(range(len(order)), key=order.__getitem__):
             if config.furniture[k].attracts:
                 self.free_fixed[furniture_type(config.furniture[k].type).relation].append(k)
@@ -104,15 +107,17 @@ class _Sampler:
 
     def add_relation(self, name: str) -> None:
         """Add a relation with new pedestrians."""
+        relation = RELATION[name]
         if name == TALKING:
             theta = PI + self.config.talking_angle.draw(self.rng)
-            self._add_pair(name, Pose(self.config.talking_distance.draw(self.rng), 0.0, theta))
+            self._add(relation, [_ORIGIN, Pose(self.config.talking_distance.draw(self.rng), 0.0, theta)])
         elif name == WALKING_TOGETHER:
-            self._add_pair(name, Pose(0.0, self.config.pair_spacing.draw(self.rng)))
+            self._add(relation, [_ORIGIN, Pose(0.0, self.config.pair_spacing.draw(self.rng))])
         elif self.free_fixed[name]:
-            self._add_at_fixed_furniture(name, self.free_fixed[name].pop())
+            fixed, distance = self.free_fixed[name].pop(), getattr(self.config, relation.distance)
+            self._add(relation, [_ORIGIN], fixed=fixed, distance=distance)
         else:
-            self._add_at_drawn_furniture(name)
+            self._add_at_drawn_furniture(relation)
 
     def add_groups(self) -> None:
         """Add the walking and talking groups with new pedestrians."""
@@ -121,12 +126,13 @@ class _Sampler:
             name = rng.choice(list(groups.walking_formations), list(groups.walking_formations.values()))
             size, spacing = groups.walking_size.draw(rng), groups.walking_spacing.draw(rng)
             layout = walking_formation(name, size, spacing, groups.v_angle.draw(rng))
-            self._add_group("walking group", WALKING_TOGETHER, layout, None)
+            self._add_group("walking group", WALKING_TOGETHER, layout)
         for k in range(config.talking_groups.draw(rng)):
             size, spacing = groups.talking_size.draw(rng), groups.talking_spacing.draw(rng)
             weights = groups.formation_weights(size)
             layout = talking_formation(rng.choice(list(weights), list(weights.values())), size, spacing)
-            self._add_group("talking group", TALKING, layout, groups.places[k] if k < len(groups.places) else None)
+            position = groups.places[k] if k < len(groups.places) else None
+            self._add_group("talking group", TALKING, layout, position=position)
 
     def add_first_possible(self, names: tuple[str, ...]) -> None:
         """Put free pedestrians into the first relation for which enough pedestrians and an object are free."""
@@ -143,7 +149,7 @@ class _Sampler:
         behaviours: tuple[Behaviour, ...] = ("standing", "wandering")
         for behaviour in behaviours:
             for _ in range(self.free[behaviour]):
-                self.clusters.append(EntityCluster("human", (self._draw_human(behaviour, _ORIGIN),), _ANY_YAW))
+                self.clusters.append(EntityCluster("human", (self._draw_human(behaviour, _ORIGIN),)))
         for name in self.config.counts:
             for _ in range(self.free[name]):
                 self.clusters.append(EntityCluster(name, self._furniture(name, 0), self.config.furniture_yaw))
@@ -152,34 +158,27 @@ class _Sampler:
         """Return whether a drawn piece of a type, or a drawn table with a laptop on it, is free."""
         return self.free[kind.on or kind.name] > 0 and (kind.on is None or self.config.laptops_on_tables)
 
-    def _add_pair(self, name: str, second_pose: Pose) -> None:
-        relation = RELATION[name]
-        members = (self._draw_human(relation.behaviour, _ORIGIN), self._draw_human(relation.behaviour, second_pose))
-        self.clusters.append(EntityCluster(relation.title, members, _ANY_YAW, name))
-
-    def _add_group(self, title: str, name: str, layout: GroupLayout, position: Point | None) -> None:
-        members = tuple(self._draw_human(RELATION[name].behaviour, pose) for pose in layout.poses)
-        formation, o_space = layout.formation, layout.o_space
+    def _add(self, relation: Relation, poses: Iterable[Pose], *furniture: Furniture, **more: Any) -> None:
+        """Add a cluster of new pedestrians at poses in its frame, and of furniture; `more` are its other fields."""
+        humans = (self._draw_human(relation.behaviour, pose) for pose in poses)
+        members: tuple[Entity, ...] = (*humans, *furniture)
         self.clusters.append(
-            EntityCluster(title, members, _ANY_YAW, name, formation=formation, o_space=o_space, position=position)
+            EntityCluster(**{"name": relation.title, "relation": relation.name} | more, members=members)
         )
 
-    def _add_at_fixed_furniture(self, name: str, fixed: int) -> None:
-        relation = RELATION[name]
-        members = (self._draw_human(relation.behaviour, _ORIGIN),)
-        distance = getattr(self.config, relation.distance)
-        self.clusters.append(EntityCluster(relation.title, members, _ANY_YAW, name, fixed, distance))
+    def _add_group(self, name: str, relation: str, layout: GroupLayout, **more: Any) -> None:
+        fields = {"name": name, "formation": layout.formation, "o_space": layout.o_space}
+        self._add(RELATION[relation], layout.poses, **fields, **more)
 
-    def _add_at_drawn_furniture(self, name: str) -> None:
+    def _add_at_drawn_furniture(self, relation: Relation) -> None:
         """Use a free piece of furniture of a suitable type, or add one where none is free."""
-        relation, kinds = RELATION[name], self.attended[name]
+        kinds = self.attended[relation.name]
         kind = next((kind for kind in kinds if self.free[kind.on or kind.name]), kinds[0])
         stands = kind.on or kind.name
         self.free[stands] -= min(self.free[stands], 1)
         distance = getattr(self.config, relation.distance).draw(self.rng)
-        human = self._draw_human(relation.behaviour, Pose(0.0, -distance, PI / 2))
         furniture = self._furniture(stands, 1, with_laptop=kind == LAPTOP)
-        self.clusters.append(EntityCluster(relation.title, (human, *furniture), self.config.furniture_yaw, name))
+        self._add(relation, [Pose(0.0, -distance, PI / 2)], *furniture, yaw=self.config.furniture_yaw)
 
     def _furniture(self, name: str, index: int, with_laptop: bool = False) -> tuple[Furniture, ...]:
         """Create a piece of furniture, which is the member `index` of its cluster, and the laptop on a table."""

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from sonata2d.core.geometry import Barriers, Disc, Pose, Rectangle, Shape
-from sonata2d.core.outlines import COLUMNS, has_space, has_space_at, outline_row, rectangle_sides, shape_gap
+from sonata2d.core.outlines import COLUMNS, has_space, has_space_at, outline_row, shape_gap
 from sonata2d.core.portable_math import Array
 
 metres = st.floats(-20.0, 20.0)
@@ -49,7 +49,7 @@ def boundary(shape: Shape, pose: Pose) -> Array:
     if isinstance(shape, Disc):
         angles = np.linspace(0.0, 2 * math.pi, 400)
         return np.array(pose.position) + shape.radius * np.stack((np.cos(angles), np.sin(angles)), axis=1)
-    return np.concatenate([np.linspace((a, b), (c, d), 100) for a, b, c, d in rectangle_sides(shape, pose)])
+    return np.concatenate([np.linspace(a, b, 100) for a, b, _ in shape.edges(pose)])
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -9,10 +9,10 @@ import pytest
 import sonata2d as s2
 from sonata2d.core.entities import Furniture, Human
 from sonata2d.core.geometry import Disc, Pose, Twist
-from sonata2d.core.proxemics import clearances, obstacle_clearance, times_to_collision
+from sonata2d.core.proxemics import clearances, obstacle_clearance
 from sonata2d.sim.world import World
 
-from ..conftest import room
+from ..conftest import room, times_to_collision
 from ..sim.test_world import drive
 
 

@@ -30,11 +30,12 @@ from sonata2d.datasets.transforms.mirror import (
     turned_angle,
     twist_image,
 )
-from sonata2d.errors import RecordError
+from sonata2d.errors import InvalidFileError, RecordError
 from sonata2d.record.canonical import serialise, to_json_value
 from sonata2d.record.files import read_bytes
 from sonata2d.record.reader import read_episode, record_from_document
 from sonata2d.record.record import EpisodeRecord
+from sonata2d.record.validate import require_valid
 
 from ..conftest import room
 from .conftest import QUICK, odd_scene, recorded
@@ -246,8 +247,8 @@ def test_absent_humans_stay_absent(odd: EpisodeRecord) -> None:
 def test_a_malformed_mirrored_from_is_refused(odd: EpisodeRecord) -> None:
     for malformed in ({"id": "x"}, 5, {"thetas": [[1]]}):
         document = odd.document | {"mirrored_from": malformed}
-        with pytest.raises(RecordError, match="not a complete episode"):
-            mirrored(record_from_document(document, odd.path))
+        with pytest.raises(InvalidFileError, match=r"is not a valid episode: mirrored_from"):
+            require_valid(document, odd.path)
 
 
 def test_mirroring_a_name_twice_gives_the_name() -> None:

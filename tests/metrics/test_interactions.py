@@ -7,13 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from sonata2d.core import proxemics
 from sonata2d.core.entities import Furniture, Group, Human
 from sonata2d.core.geometry import Disc, Pose, disc_contact_times
 from sonata2d.core.relations import AT_LAPTOP, TALKING
 from sonata2d.core.scene import Scene
 
-from ..conftest import room
+from ..conftest import room, times_to_collision
 from .samples import line, record, stay, value
 
 ONE_PERSON = room([Human(1, Pose(0.0, 0.0), 0.2)])
@@ -111,11 +110,10 @@ def test_intrusion_into_an_interaction_with_an_object(y: float, expected: float)
     assert found == expected
 
 
-def test_time_to_collision_equals_that_of_controllers() -> None:
-    """`proxemics.times_to_collision` and the metric use the same formula."""
+def test_time_to_collision_of_a_record_equals_that_of_its_snapshots() -> None:
     episode = (ONE_PERSON, [[-2.0, 0.1, 0.0], [-1.9, 0.1, 0.0]], [stay(0.0, 0.0, 2)])
     found = record(*episode)
     for state in [*found.document["frames"], found.document["final"]]:
         state["events"] = []
-    smallest = min(float(proxemics.times_to_collision(snapshot).min()) for snapshot in found.snapshots())
+    smallest = min(float(times_to_collision(snapshot).min()) for snapshot in found.snapshots())
     assert value("time_to_collision_min", *episode) == pytest.approx(smallest, abs=1e-6)

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import sonata2d as s2
-from sonata2d.core.proxemics import obstacle_clearance, times_to_collision
+from sonata2d.core.proxemics import obstacle_clearance
 from sonata2d.core.scene import Scene
 from sonata2d.datasets import check_dataset, generate_dataset, mirror_dataset
 from sonata2d.errors import MetricError, RecordError
@@ -35,7 +35,7 @@ from sonata2d.record.canonical import serialise
 from sonata2d.record.reader import read_episode
 from sonata2d.record.record import EpisodeRecord
 
-from ..conftest import room
+from ..conftest import room, times_to_collision
 from .samples import measured, record, stay
 
 ROOT = Path(__file__).parent.parent.parent

@@ -72,7 +72,7 @@ class SocialForce(Controller):
 
     def reset(self, scene: Scene) -> None:
         barriers = scene.barriers.joined(scene.standing_humans)
-        self._route = FreeSpace(scene.outline, barriers, scene.robot.radius + 0.05).towards(scene.goal.position)
+        self._space = FreeSpace(scene.outline, barriers, scene.robot.radius + 0.05)
         self._waypoint = scene.goal.position
         self._model = pedestrian_model(self.model)(scene)
         count = len(scene.humans)
@@ -82,7 +82,7 @@ class SocialForce(Controller):
     def act(self, snapshot: Snapshot) -> Twist:
         robot, goal = snapshot.robot, snapshot.goal
         if snapshot.tick % REPLANNING_INTERVAL == 0:
-            path = self._route.path(robot.position)
+            path = self._space.path(robot.position, goal.position)
             self._waypoint = goal.position if path is None or len(path) < 2 else (float(path[1][0]), float(path[1][1]))
         dx, dy = self._waypoint[0] - robot.position[0], self._waypoint[1] - robot.position[1]
         distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)

@@ -33,6 +33,7 @@ from numba.core.serialize import dumps
 
 from ...errors import KernelError
 from ..files import interruption
+from ..files.whole_file import whole_file
 from ..notebook import notebook_shell
 from .key import NotCacheableError, key_of
 
@@ -40,7 +41,7 @@ logger = logging.getLogger(__name__)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-STAMP, WAIT_STAMP = "last", "waiting"  # files in the folder, touched at each compilation, and when one is waited for
+STAMP, _WAIT_STAMP = "last", "waiting"  # files in the folder, touched at each compilation, and when one is waited for
 _SUFFIX = ".kernel"
 _MAX_FILES = 16  # of one kernel: versions, settings, argument types
 _MAX_AGE = 90 * 86400.0  # s since a file was last used
@@ -79,9 +80,9 @@ def cache_folder() -> Path | None:
     Not in the package: files that a run leaves there would survive its uninstallation, and the folder that holds them
     would shadow an editable installation as an empty namespace package.
     """
-    given = numba.config.CACHE_DIR
-    if given:
-        return Path(given).absolute() / "sonata2d"
+    setting = numba.config.CACHE_DIR
+    if setting:
+        return Path(setting).absolute() / "sonata2d"
     import platformdirs
 
     folder = platformdirs.user_cache_path("sonata2d", appauthor=False) / "kernels"
@@ -170,10 +171,10 @@ class _KernelFiles:
     def reduce(self) -> Any:
         """Pickle a kernel by its name, like a function, where it has one; numba would pickle and compile a copy."""
         name: str = self._kernel.__qualname__
-        found: Any = sys.modules.get(self._kernel.__module__)
+        value: Any = sys.modules.get(self._kernel.__module__)
         for part in name.split("."):
-            found = getattr(found, part, None)
-        return name if found is self._kernel else self._reduce()
+            value = getattr(value, part, None)
+        return name if value is self._kernel else self._reduce()
 
     def _name(self, signature: Any) -> str | None:
         """Name of the file for some argument types; None if the kernel cannot be kept."""
@@ -236,12 +237,8 @@ def _write(name: str, content: bytes) -> None:
     if folder is None:
         return
     folder.mkdir(parents=True, exist_ok=True)
-    temporary = folder / f"{name}-{uuid.uuid4().hex[:8]}.tmp"
-    try:
+    with whole_file(folder / (name + _SUFFIX)) as temporary:
         temporary.write_bytes(_digest(content) + content)
-        temporary.replace(folder / (name + _SUFFIX))
-    finally:
-        temporary.unlink(missing_ok=True)
     (folder / STAMP).touch()
     _delete_old_files(folder, name.rpartition("-")[0])
 
@@ -249,9 +246,9 @@ def _write(name: str, content: bytes) -> None:
 def _delete_old_files(folder: Path, kernel: str) -> None:
     """Delete files that were not used for long, and the oldest of a kernel; processes have read theirs as a whole."""
     files = sorted(((path.stat().st_mtime, path) for path in folder.iterdir()), reverse=True)
-    own = [path for _, path in files if path.name.startswith(f"{kernel}-") and path.suffix == _SUFFIX]
+    versions = [path for _, path in files if path.name.startswith(f"{kernel}-") and path.suffix == _SUFFIX]
     old = {path for time, path in files if files[0][0] - time > _MAX_AGE}
-    for path in {*old, *own[_MAX_FILES:]}:
+    for path in {*old, *versions[_MAX_FILES:]}:
         with suppress(OSError):  # Windows does not delete a file that another process is reading
             path.unlink()
 
@@ -270,7 +267,7 @@ def _locked(name: str) -> Iterator[None]:
         try:
             lock.acquire(timeout=_SILENT_WAIT)
         except filelock.Timeout:
-            if not _is_start_announced(folder / WAIT_STAMP):  # once for all processes that start together
+            if not _is_start_announced(folder / _WAIT_STAMP):  # once for all processes that start together
                 _say("another process compiles sonata2d; waiting for it ...")
             lock.acquire(timeout=_LOCK_TIMEOUT)
     try:

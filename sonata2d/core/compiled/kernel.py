@@ -35,19 +35,15 @@ def _load_numba() -> tuple[Any, str]:
         return None, "interpreted, because NUMBA_DISABLE_JIT is set"
     try:
         numba = import_module("numba")
-    except ModuleNotFoundError as error:
-        if error.name == "numba":
+    except Exception as error:
+        if isinstance(error, ModuleNotFoundError) and error.name == "numba":
             return None, "interpreted, some 30 times slower than compiled; pip install numba"
-        return None, _broken(error)
-    except Exception as error:  # a version of NumPy that numba does not support, a missing library, ...
-        return None, _broken(error)
+        # a version of NumPy that numba does not support, a missing library, ...
+        cause = f"numba cannot be imported ({type(error).__name__}: {error})"
+        return None, f"interpreted, because {cause}; pip install -U numba"
     if numba.config.DISABLE_JIT:  # by a configuration file
         return None, "interpreted, because numba's configuration disables compilation"
     return numba, f"compiled by numba {numba.__version__}"
-
-
-def _broken(error: Exception) -> str:
-    return f"interpreted, because numba cannot be imported ({type(error).__name__}: {error}); pip install -U numba"
 
 
 _numba, BACKEND = _load_numba()

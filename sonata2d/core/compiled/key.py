@@ -37,16 +37,16 @@ def key_of(kernel: Any, signature: Any) -> tuple[str, list[FunctionType]]:
     """
     if not isinstance(signature, tuple):  # given as text
         raise NotCacheableError
-    found = _Dependencies()
-    found.parts += [*_versions(), str(kernel.__module__), kernel.py_func.__code__.co_qualname]
-    found.parts += map(repr, kernel.targetctx.codegen().magic_tuple())  # the processor
+    dependencies = _Dependencies()
+    dependencies.parts += [*_versions(), str(kernel.__module__), kernel.py_func.__code__.co_qualname]
+    dependencies.parts += map(repr, kernel.targetctx.codegen().magic_tuple())  # the processor
     for type_ in signature:
-        found.parts.append(repr(type_))
+        dependencies.parts.append(repr(type_))
         for named_tuple in _named_tuples(type_):
-            found.add(named_tuple)
-    found.add(kernel)
-    text = "\0".join(found.parts)
-    return hashlib.blake2b(text.encode(errors="surrogatepass"), digest_size=16).hexdigest(), found.functions
+            dependencies.add(named_tuple)
+    dependencies.add(kernel)
+    text = "\0".join(dependencies.parts)
+    return hashlib.blake2b(text.encode(errors="surrogatepass"), digest_size=16).hexdigest(), dependencies.functions
 
 
 def _versions() -> list[str]:

@@ -87,10 +87,10 @@ def layout(kind: type) -> tuple[_Field, ...]:
 
 
 @cache
-def layout_id(kind: type) -> int:
+def _layout_id(kind: type) -> int:
     """A number that classes share only if their fields have the same names and types."""
     fields = [
-        (field.name, layout_id(field.dtype) if field.dimensions < 0 else np.dtype(field.dtype).str, field.dimensions)
+        (field.name, _layout_id(field.dtype) if field.dimensions < 0 else np.dtype(field.dtype).str, field.dimensions)
         for field in layout(kind)
     ]
     return int.from_bytes(hashlib.blake2b(repr(fields).encode(), digest_size=7).digest())
@@ -107,7 +107,7 @@ def pack(value: T) -> Any:
     Raises:
         TypeError: an array has another element type or other dimensions than its field, or is not contiguous.
     """
-    return np.array([layout_id(value.__class__), *_numbers(value)], dtype=np.int64) if IS_COMPILED else value
+    return np.array([_layout_id(value.__class__), *_numbers(value)], dtype=np.int64) if IS_COMPILED else value
 
 
 def _numbers(value: Any) -> list[int]:
@@ -179,7 +179,7 @@ if IS_COMPILED:
                 )
                 return array._getvalue()
 
-            expected = context.get_constant(types.intp, layout_id(named_tuple))
+            expected = context.get_constant(types.intp, _layout_id(named_tuple))
             with cgutils.if_unlikely(builder, builder.icmp_signed("!=", read(), expected)):
                 message = f"the packed argument is not a {named_tuple.__name__}, or one of another layout"
                 context.call_conv.return_user_exc(builder, TypeError, (message,))

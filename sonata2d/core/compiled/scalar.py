@@ -19,7 +19,7 @@ Vector = tuple[float, float]
 
 exp = subroutine(portable_math.exp_of)
 angle_of = subroutine(portable_math.angle_of)
-rotation = subroutine(portable_math.rotation_of)
+rotation = subroutine(portable_math.rotation)
 unit_vector = subroutine(portable_math.unit_vector)
 wrap_angle = subroutine(vectors.wrap_angle)
 

@@ -9,7 +9,6 @@ MAX_SCENARIO_BYTES = 64_000_000
 MAX_YAML_BYTES = 2_000_000  # of a scenario: YAML takes 10 s for each megabyte, JSON a hundredth of that
 MAX_TOML_BYTES = 50_000  # of a scenario: a dotted key of this length takes more than a second, and time is quadratic
 MAX_WEIGHTS_BYTES = 1 << 26  # of all arrays of a network
-MAX_TRACKS_BYTES = 1 << 28  # of a text file of tracks: about ten million observations
 
 # A compressed file may unpack to the larger one of these two. Episodes compress to between 1/3 and 1/30 of their size.
 # A trusted file beyond that can be unpacked with gzip or zstd: the ratio is a limit for compressed files only.

@@ -57,8 +57,8 @@ def _in_store(url: str, protocol: str) -> Path:
     # other workers write to object stores as well, so that a listing is soon out of date
     options: dict[str, Any] = {"use_listings_cache": False} if protocol in _OBJECT_STORES - {"memory"} else {}
     try:
-        found = UPath(url, **options)
-        _ = found.fs
+        remote = UPath(url, **options)
+        _ = remote.fs
     except ImportError as error:
         package = _PACKAGES.get(protocol)
         remedy = f": pip install {package}" if package else f" ({error})"
@@ -67,8 +67,8 @@ def _in_store(url: str, protocol: str) -> Path:
         raise ValueError(
             f"{url}: fsspec knows no protocol {protocol!r}; use a path, or s3://, gs:// or another"
         ) from error
-    _require_reachable(found, protocol)
-    return cast(Path, found)
+    _require_reachable(remote, protocol)
+    return cast(Path, remote)
 
 
 def _require_reachable(path: Any, protocol: str) -> None:
@@ -102,7 +102,7 @@ def is_remote(path: object) -> bool:
     return not isinstance(path, Path) and hasattr(path, "protocol") and hasattr(path, "storage_options")
 
 
-def is_object_store(path: Path) -> bool:
+def _is_object_store(path: Path) -> bool:
     """Whether a path is in a store whose objects appear whole or not at all."""
     return is_remote(path) and cast(Any, path).protocol in _OBJECT_STORES
 
@@ -120,9 +120,9 @@ def make_folder(folder: Path) -> None:
 def file_names(folder: Path) -> list[str]:
     """The names of the files in a folder, in no particular order; empty if there is no such folder."""
     if is_remote(folder):
-        found: Any = folder
+        remote: Any = folder
         try:
-            entries = found.fs.ls(found.path, detail=True)
+            entries = remote.fs.ls(remote.path, detail=True)
         except FileNotFoundError:
             return []
         names = (entry["name"].rstrip("/").rpartition("/")[2] for entry in entries if entry["type"] == "file")
@@ -144,9 +144,9 @@ def content_of(path: Path, start: int | None = None, end: int | None = None) -> 
     Raises:
         OSError: it cannot be read.
     """
-    found: Any = path
+    remote: Any = path
     with _os_errors():
-        data: bytes = found.fs.cat_file(found.path, start=start, end=end)
+        data: bytes = remote.fs.cat_file(remote.path, start=start, end=end)
     return data
 
 
@@ -188,9 +188,9 @@ def version_of(path: Path) -> str:
     Raises:
         OSError: there is no such object, or it cannot be read.
     """
-    found: Any = path
+    remote: Any = path
     with _os_errors():
-        return str(found.fs.ukey(found.path))
+        return str(remote.fs.ukey(remote.path))
 
 
 def put_content(path: Path, data: bytes) -> None:
@@ -212,12 +212,12 @@ def put_file(path: Path, source: Path) -> None:
 
 
 def _put(path: Path, write: Any) -> None:
-    found: Any = path
+    remote: Any = path
     with _os_errors():
-        if is_object_store(path):
-            write(found.fs, found.path)
+        if _is_object_store(path):
+            write(remote.fs, remote.path)
             return
         temporary = path.with_name(f".sonata2d-{os.urandom(16).hex()}")
-        found.fs.makedirs(found.parent.path, exist_ok=True)
-        write(found.fs, cast(Any, temporary).path)
-        found.fs.mv(cast(Any, temporary).path, found.path)
+        remote.fs.makedirs(remote.parent.path, exist_ok=True)
+        write(remote.fs, cast(Any, temporary).path)
+        remote.fs.mv(cast(Any, temporary).path, remote.path)

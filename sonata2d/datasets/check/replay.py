@@ -19,7 +19,7 @@ from ...errors import ConfigError, ControllerError, RecordError, SceneError
 from ...record.canonical import serialise
 from ...record.files import read_bytes
 from ...record.reader import read_episode
-from ...record.record import EpisodeRecord, events_of, wrap_read_errors
+from ...record.record import EpisodeRecord, events_of
 from ...record.recorder import EpisodeRecorder
 from ...registry import CONTROLLERS
 from ...scenegen.generator import generate
@@ -74,16 +74,14 @@ def other_physics(record: EpisodeRecord) -> str:
 def recorded_inputs(record: EpisodeRecord) -> list[TickInput]:
     """Command, label and device events of each recorded tick."""
     commands, frames = record.command.tolist(), record.document["frames"]
-    with wrap_read_errors(record.path):
-        return [
-            TickInput(Twist(*command), frame.get("label"), events_of(frame))
-            for command, frame in zip(commands, frames, strict=True)
-        ]
+    return [
+        TickInput(Twist(*command), frame.get("label"), events_of(frame))
+        for command, frame in zip(commands, frames, strict=True)
+    ]
 
 
 def _final_events(record: EpisodeRecord) -> tuple[DeviceEvent, ...]:
-    with wrap_read_errors(record.path):
-        return events_of(record.document["final"])
+    return events_of(record.document["final"])
 
 
 def replay_document(record: EpisodeRecord) -> bytes:

@@ -25,7 +25,7 @@ from ...record.canonical import serialise, to_json_value
 from ...record.files import compress, file_stem, file_suffix, read_stored, write_atomically
 from ...record.layout import JsonDict
 from ...record.reader import read_episode, record_from_document
-from ...record.record import EpisodeRecord, wrap_read_errors
+from ...record.record import EpisodeRecord
 from ..card.write import licence_of, write_manifest_and_card
 from ..manifest.names import SCENARIO
 from ..manifest.read import read_document
@@ -67,10 +67,9 @@ def mirrored(record: EpisodeRecord, *, label: LabelImage | None = None) -> Episo
         label: maps the label of a frame to its mirror image and back; without it labels stay unchanged.
 
     Raises:
-        RecordError: the episode is damaged, or `label` is not its own inverse.
+        RecordError: `label` is not its own inverse.
     """
-    with wrap_read_errors(record.path):
-        document = _document_image(record.document, _checked(label) if label else None)
+    document = _document_image(record.document, _checked(label) if label else None)
     path = record.path.with_name(mirror_name(record.path.name))
     return record_from_document(document, path)
 

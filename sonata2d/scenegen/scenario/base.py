@@ -21,14 +21,14 @@ from pydantic import (
     model_validator,
 )
 from pydantic.dataclasses import dataclass
-from pydantic_core import ArgsKwargs, CoreSchema, PydanticCustomError, core_schema
+from pydantic_core import ArgsKwargs, CoreSchema, core_schema
 
 from ...core.bounds import NotNegative, Number, Positive
 from ...core.files.limits import MAX_COUNT
 from ...core.wording import shown
 from ...errors import ConfigError
 from ...registry import Registry, did_you_mean
-from .problems import OneLineErrors
+from .problems import OneLineErrors, setting_error
 
 if TYPE_CHECKING:  # settings are also read where nothing is generated, and random streams load the compiler
     from ...core.rng import RandomStream
@@ -58,7 +58,7 @@ def weights_of(kind: str) -> tuple[BeforeValidator, AfterValidator]:
 
     def require_weight(weights: dict[str, float]) -> dict[str, float]:
         if not sum(weights.values()) > 0.0:
-            raise PydanticCustomError("weights", "at least one {kind} needs a weight above 0", {"kind": kind})
+            raise setting_error(f"at least one {kind} needs a weight above 0")
         return weights
 
     return BeforeValidator(_parse_weights), AfterValidator(require_weight)
@@ -70,13 +70,14 @@ def require_registered(registry: Registry, name: str) -> str:
     Raises:
         PydanticCustomError: it does not; the message suggests similar names.
     """
-    if name not in registry:
-        message = registry.unknown(name)
-        if ":" in name or name.endswith(".py"):  # as controllers are named, but those are named by the user only
-            message = f"a {registry.kind} cannot be a file or a class, because a scenario must not run code; "
-            message += "publish it as a plug-in (entry point), as in examples/plugin"
-        raise PydanticCustomError("unknown_name", "{message}", {"message": message})
-    return name
+    if name in registry:
+        return name
+    if ":" in name or name.endswith(".py"):  # as users name controllers
+        raise setting_error(
+            f"a {registry.kind} cannot be a file or a class, because a scenario must not run code; "
+            "publish it as a plug-in (entry point), as in examples/plugin"
+        )
+    raise setting_error(registry.unknown(name))
 
 
 class _Difference:
@@ -123,8 +124,7 @@ class Settings(BaseModel, metaclass=OneLineErrors):
             if key not in cls.model_fields and key not in cls._further_keys():
                 known = list(dict.fromkeys((*cls.model_fields, *cls._further_keys())))
                 hint = did_you_mean(str(key), known) or f"; keys are {', '.join(known)}"
-                context = {"key": str(key), "hint": hint, "path": (key,)}
-                raise PydanticCustomError("unknown_key", "unknown key '{key}'{hint}", context)
+                raise setting_error(f"unknown key '{key}'{hint}", key, kind="unknown_key")
         return values
 
 
@@ -146,16 +146,14 @@ class _Interval:
         if isinstance(value, int | float) and not isinstance(value, bool):
             return {"min": value, "max": value}
         if not isinstance(value, dict | cls):
-            raise PydanticCustomError("range", "a range is a number, [min, max] or {min: …, max: …}")
+            raise setting_error("a range is a number, [min, max] or {min: …, max: …}")
         return value
 
     @model_validator(mode="after")
     def _check_order(self) -> Self:
         low, high = vars(self)["min"], vars(self)["max"]
         if low > high:
-            raise PydanticCustomError(
-                "range", "min {low} is above max {high}", {"low": f"{low:g}", "high": f"{high:g}"}
-            )
+            raise setting_error(f"min {low:g} is above max {high:g}")
         return self
 
     @model_serializer
@@ -227,7 +225,7 @@ def within(message: str, low: float, high: float = math.inf, *, above: bool = Fa
 
     def check(interval: Range | IntRange) -> Range | IntRange:
         if not low <= interval.min <= interval.max <= high or (above and interval.min == low):
-            raise PydanticCustomError("range", "{message}", {"message": message})
+            raise setting_error(message)
         return interval
 
     return AfterValidator(check)
@@ -296,26 +294,22 @@ class Normal(Settings):
     @classmethod
     def _reject_numbers(cls, values: Any) -> Any:
         if isinstance(values, int | float | list | tuple):
-            keys = "{mean: ..., sd: ..., min: ..., max: ...}"
-            raise PydanticCustomError("distribution", "a distribution is {keys}, or some of these", {"keys": keys})
+            raise setting_error("a distribution is {mean: ..., sd: ..., min: ..., max: ...}, or some of these")
         return values
 
     @model_validator(mode="after")
     def _check_order(self) -> Self:
         if not self.min < self.max:
-            raise PydanticCustomError("range", "min {low} is not below max {high}", {"low": self.min, "high": self.max})
+            raise setting_error(f"min {self.min} is not below max {self.max}")
         if not self.min <= self.mean <= self.max:
-            context = {"mean": self.mean, "low": self.min, "high": self.max}
-            raise PydanticCustomError("range", "mean {mean} is not within {low}..{high}", context)
+            raise setting_error(f"mean {self.mean} is not within {self.min}..{self.max}")
         scale = self.sd * math.sqrt(2.0)
         share = 0.5 * (math.erf((self.max - self.mean) / scale) - math.erf((self.min - self.mean) / scale))
         if share < _MINIMUM_SHARE:
-            message = (
-                "only {share} of the distribution lies within {low}..{high}, "
-                "it must be {least} or more; use a smaller sd"
+            raise setting_error(
+                f"only {share} of the distribution lies within {self.min}..{self.max}, "
+                f"it must be {_MINIMUM_SHARE} or more; use a smaller sd"
             )
-            context = {"share": share, "low": self.min, "high": self.max, "least": _MINIMUM_SHARE}
-            raise PydanticCustomError("range", message, context)
         return self
 
     def draw(self, rng: RandomStream) -> float:

@@ -8,7 +8,6 @@ from inspect import Parameter, Signature, signature
 from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, ConfigDict, Field, PositiveInt, field_validator, model_validator
-from pydantic_core import PydanticCustomError
 
 from ...core.bounds import Fraction, Positive
 from ...core.entities import Robot
@@ -21,6 +20,7 @@ from ...errors import PluginWarning
 from ...registry import FURNITURE_TYPES, did_you_mean, furniture_type, furniture_types
 from .base import Entities, IntRange, Range, Settings, is_section, within
 from .people import PersonSpec, check_people
+from .problems import setting_error
 from .sections import (
     PAUSING,
     DoorConfig,
@@ -151,8 +151,7 @@ class ScenarioConfig(Settings):
             return values
         for key in ("standing", "wandering"):
             if values.get(key) is not None:
-                context = {"path": ("humans",)}
-                raise PydanticCustomError("humans", "give humans, or standing and wandering, not both", context)
+                raise setting_error("give humans, or standing and wandering, not both", "humans")
         return values | {"standing": None, "wandering": None}
 
     @model_validator(mode="after")
@@ -166,7 +165,11 @@ class ScenarioConfig(Settings):
     @model_validator(mode="after")
     def _check_counts(self) -> Self:
         if self.humans is None and (self.standing is None or self.wandering is None):
-            raise PydanticCustomError("humans", "standing and wandering must be ranges where humans is not given")
+            raise setting_error("standing and wandering must be ranges where humans is not given")
+        places, groups = len(self.groups.places), self.talking_groups.max
+        if places > groups:
+            message = f"there are {places} places for at most {groups} talking groups"
+            raise setting_error(f"{message}; raise talking_groups, or remove places", "groups", "places")
         return self
 
     @field_validator("sizes", mode="after")
@@ -180,23 +183,20 @@ class ScenarioConfig(Settings):
             if piece.size is None and self.size_of(piece.type) is None:
                 known = list(dict.fromkeys((*self.sizes, *FURNITURE_TYPES)))
                 hint = did_you_mean(piece.type, known) or f"; known types are {', '.join(known)}"
-                context = {"hint": hint, "path": ("furniture", k, "type")}
-                raise PydanticCustomError("furniture", "furniture of unknown type needs a size{hint}", context)
+                raise setting_error(f"furniture of unknown type needs a size{hint}", "furniture", k, "type")
         return self
 
     @model_validator(mode="after")
     def _check_journeys(self) -> Self:
         for key, needed in (("exits", "doors"), ("queues", "queues")):
             if getattr(self.social, key) > 0.0 and not getattr(self, needed):
-                context: dict[str, Any] = {"key": key, "needed": needed, "path": ("social", key)}
-                raise PydanticCustomError("social", "social.{key} needs {needed}; add some, or set it to 0", context)
+                raise setting_error(f"social.{key} needs {needed}; add some, or set it to 0", "social", key)
         if self.social.exits > 0.0 and not any(door.share > 0.0 for door in self.doors):
-            raise PydanticCustomError("doors", "at least one door needs a share above 0", {"path": ("doors",)})
+            raise setting_error("at least one door needs a share above 0", "doors")
         arrivals = sum(door.inflow for door in self.doors) * self.rules.time_limit / 60.0
         if arrivals > MAX_COUNT:
-            context = {"arrivals": f"{arrivals:.0f}", "limit": MAX_COUNT, "path": ("doors",)}
-            message = "{arrivals} people would enter until rules.time_limit, at most {limit} may; lower the inflow"
-            raise PydanticCustomError("doors", message, context)
+            message = f"{arrivals:.0f} people would enter until rules.time_limit, at most {MAX_COUNT} may"
+            raise setting_error(f"{message}; lower the inflow", "doors")
         return self
 
     @model_validator(mode="after")
@@ -204,8 +204,7 @@ class ScenarioConfig(Settings):
         if self.robot.pose is not None and self.goal.position is not None:
             dx, dy = (a - b for a, b in zip(self.robot.pose, self.goal.position, strict=False))
             if dx * dx + dy * dy <= self.goal.distance * self.goal.distance:
-                context = {"path": ("goal", "position")}
-                raise PydanticCustomError("goal", "the robot would start on its goal", context)
+                raise setting_error("the robot would start on its goal", "goal", "position")
         return self
 
     @model_validator(mode="after")
@@ -214,13 +213,12 @@ class ScenarioConfig(Settings):
         speed = Robot(Pose(0.0, 0.0, 0.0), kinematics=drive.kinematics, limits=drive.limits).top_speed
         step = speed * rules.dt / rules.substeps
         if not rules.guard and (speed > _UNGUARDED_SPEED or step > _UNGUARDED_STEP):
-            context = {"speed": f"{speed:.3g}", "step": f"{step:.2g}", "path": ("rules", "guard")}
             message = (
                 f"without the guard the robot may drive at {_UNGUARDED_SPEED:g} m/s, and move {_UNGUARDED_STEP} m in a "
-                "physics step, dt / substeps; with robot.limits it reaches {speed} m/s and {step} m per physics "
-                "step: lower robot.limits, or raise rules.substeps"
+                f"physics step, dt / substeps; with robot.limits it reaches {speed:.3g} m/s and {step:.2g} m per "
+                "physics step: lower robot.limits, or raise rules.substeps"
             )
-            raise PydanticCustomError("guard", message, context)
+            raise setting_error(message, "rules", "guard")
         return self
 
     @classmethod

@@ -100,43 +100,21 @@ def _load(path: Path, extended_by: tuple[Path, ...]) -> tuple[ScenarioConfig, di
         raise ConfigError(f"{path.name} extends itself")
     settings = parse_settings(path)
     if "extends" in settings:
-        base = _load_base(path, str(settings.pop("extends")), extended_by)
+        try:
+            base = _load(_find(str(settings.pop("extends")), path.parent), (*extended_by, _real(path)))[1]
+        except ConfigError as error:
+            raise ConfigError(f"{path.name}{line_of(path, ['extends'])}: extends: {error}") from None
         base = {key: value for key, value in base.items() if key not in ("name", "description")}
         settings = merged(base, settings)
     settings = {"name": path.stem} | settings
     try:
         config = ScenarioConfig.model_validate(settings)
     except ValidationError as error:
-        raise ConfigError(_error_message(path, settings, error)) from None
-    places, groups = len(config.groups.places), config.talking_groups.max
-    if places > groups:  # not an error of the model, by which older data sets with such settings are read
-        raise ConfigError(
-            f"{path.name}{line_of(path, ['groups', 'places'])}: groups.places: there are {places} places for at most "
-            f"{groups} talking groups; raise talking_groups, or remove places"
-        )
-    room = config.room
-    if room.kinds.get("rectangle") and room.polygon is None and room.length.max < room.breadth.min:
-        raise ConfigError(
-            f"{path.name}{line_of(path, ['room', 'length'])}: room.length: no length up to {room.length.max:g} m is at "
-            f"least the breadth, {room.breadth.min:g} m; exchange them"
-        )
+        keys, text = problem_of(settings, error)
+        raise ConfigError(f"{path.name}{line_of(path, keys)}: {text}") from None
     return config, settings
 
 
 def _real(path: Path) -> Path:
     """The path without symbolic links; unlike `Path.resolve`, without an exception for a link to itself."""
     return Path(os.path.realpath(path))
-
-
-def _load_base(path: Path, base: str, extended_by: tuple[Path, ...]) -> dict[str, Any]:
-    """Return the settings of the scenario `base` that the file `path` extends."""
-    try:
-        return _load(_find(base, path.parent), (*extended_by, _real(path)))[1]
-    except ConfigError as error:
-        raise ConfigError(f"{path.name}{line_of(path, ['extends'])}: extends: {error}") from None
-
-
-def _error_message(path: Path, settings: dict[str, Any], error: ValidationError) -> str:
-    """Format the first validation error as one line: file, line, key, message, value."""
-    keys, text = problem_of(settings, error)
-    return f"{path.name}{line_of(path, keys)}: {text}"

@@ -7,24 +7,24 @@ from itertools import pairwise
 from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, PositiveInt, model_validator
-from pydantic_core import PydanticCustomError
 
 from ...core.bounds import Fraction, NotNegative, Number, Positive
 from ...core.entities import Behaviour, Reaction
 from ...core.files.limits import MAX_ID
 from ...core.geometry import Barriers, Point
 from .base import BodyRadius, Breadth, Duration, Jitter, Range, Settings, TupleOf, within
+from .problems import setting_error
 
 
 def _check_times(track: tuple[tuple[float, float, float], ...]) -> tuple[tuple[float, float, float], ...]:
     if track[0][0] < 0.0 or any(later[0] <= earlier[0] for earlier, later in pairwise(track)):
-        raise PydanticCustomError("track", "times of a track must rise, from 0 or later")
+        raise setting_error("times of a track must rise, from 0 or later")
     return track
 
 
 Track = Annotated[TupleOf[tuple[Number, Number, Number]], Field(min_length=2), AfterValidator(_check_times)]  # s, m, m
-PositiveId = Annotated[PositiveInt, Field(le=MAX_ID)]
-DesiredSpeed = Annotated[Range, within("a desired speed must be above 0", 0.0, above=True)]
+_PositiveId = Annotated[PositiveInt, Field(le=MAX_ID)]
+_DesiredSpeed = Annotated[Range, within("a desired speed must be above 0", 0.0, above=True)]
 
 
 class PersonSpec(Settings):
@@ -55,7 +55,7 @@ class PersonSpec(Settings):
         reaction: kind of reaction to the robot; default: drawn from the section `person`.
     """
 
-    id: PositiveId | None = None
+    id: _PositiveId | None = None
     x: Number | None = None
     y: Number | None = None
     jitter: Jitter = (0.0, 0.0, 0.0)
@@ -68,8 +68,8 @@ class PersonSpec(Settings):
     enters: NotNegative = 0.0
     leaves: Positive | None = None
     track: Track | None = None
-    group: PositiveId | None = None
-    desired_speed: DesiredSpeed | None = None
+    group: _PositiveId | None = None
+    desired_speed: _DesiredSpeed | None = None
     radius: BodyRadius | None = None
     breadth: Breadth | None = None
     headway: Positive | None = None
@@ -86,19 +86,16 @@ class PersonSpec(Settings):
     def _check_start(self) -> Self:
         """Check that start, jitter and times come either from their own keys or from the track."""
         for key in ("x", "y"):
-            if (getattr(self, key) is None) == (self.track is None):
-                hint = (
-                    "give a start (x, y), or a track"
-                    if self.track is None
-                    else "the track gives the start: omit x and y"
-                )
-                raise PydanticCustomError("place", "{hint}", {"hint": hint, "path": (key,)})
+            if self.track is None and getattr(self, key) is None:
+                raise setting_error("give a start (x, y), or a track", key)
+            if self.track is not None and getattr(self, key) is not None:
+                raise setting_error("the track gives the start: omit x and y", key)
         if self.track is not None and (self.enters or self.leaves is not None):
-            raise PydanticCustomError("track", "the track gives the times: omit enters and leaves")
+            raise setting_error("the track gives the times: omit enters and leaves")
         if self.track is not None and any(self.jitter):
-            raise PydanticCustomError("track", "a track cannot be moved: omit jitter", {"path": ("jitter",)})
+            raise setting_error("a track cannot be moved: omit jitter", "jitter")
         if self.leaves is not None and self.leaves <= self.enters:
-            raise PydanticCustomError("leaves", "leaves must be later than enters", {"path": ("leaves",)})
+            raise setting_error("leaves must be later than enters", "leaves")
         return self
 
     @model_validator(mode="after")
@@ -107,18 +104,15 @@ class PersonSpec(Settings):
         required_keys: dict[Behaviour, str] = {"walking": "goals", "recorded": "track"}
         for behaviour, key in required_keys.items():
             if (self.resolved_behaviour == behaviour) != bool(getattr(self, key)):
-                context = {"behaviour": behaviour, "key": key, "path": (key,)}
-                message = "{key} must be given with behaviour {behaviour}, and with no other behaviour"
-                raise PydanticCustomError("behaviour", message, context)
-        if None not in (self.reaction, self.reacts_to_robot) and (self.reaction == "ignores") != (
-            not self.reacts_to_robot
-        ):
+                raise setting_error(f"{key} must be given with behaviour {behaviour}, and with no other behaviour", key)
+        has_both = self.reaction is not None and self.reacts_to_robot is not None
+        if has_both and (self.reaction == "ignores") != (not self.reacts_to_robot):
             message = "reacts_to_robot must be 0 with reaction ignores, and above 0 with any other reaction"
-            raise PydanticCustomError("reaction", message, {"path": ("reaction",)})
+            raise setting_error(message, "reaction")
         if self.stay.max > 0.0 and len(self.goals) < 2:
-            raise PydanticCustomError("stay", "stay needs two goals or more", {"path": ("stay",)})
+            raise setting_error("stay needs two goals or more", "stay")
         if self.exits and not self.goals:
-            raise PydanticCustomError("exits", "exits needs goals to leave at", {"path": ("exits",)})
+            raise setting_error("exits needs goals to leave at", "exits")
         return self
 
     @property
@@ -163,5 +157,5 @@ def check_people(people: tuple[PersonSpec, ...]) -> tuple[PersonSpec, ...]:
         elif group_stands.setdefault(person.group, stands) != stands:
             message = f"group {person.group} has standing and moving members"
         if message:
-            raise PydanticCustomError("people", "{message}", {"message": message, "path": (k, key)})
+            raise setting_error(message, k, key)
     return people

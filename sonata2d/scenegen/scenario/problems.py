@@ -7,6 +7,7 @@ from dataclasses import is_dataclass
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import PydanticCustomError
 
 from ...core.wording import one_line, shown
 from ...errors import ConfigError
@@ -23,6 +24,17 @@ _MESSAGES = {  # by type of the error, in place of messages that name types of P
     "model_type": "Input should have keys: {key: value}",
     "dict_type": "Input should have keys: {key: value}",
 }
+
+
+def setting_error(message: str, *path: int | str, kind: str = "setting") -> PydanticCustomError:
+    """Create the error that a validator of settings raises.
+
+    Args:
+        message: of the error.
+        path: keys that lead from the validated value to the setting that is wrong.
+        kind: type of the error for pydantic.
+    """
+    return PydanticCustomError(kind, "{message}", {"message": message, "path": path})
 
 
 class OneLineErrors(ModelMetaclass):

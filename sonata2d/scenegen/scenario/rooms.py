@@ -7,29 +7,29 @@ from typing import Annotated, Self
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
-from pydantic_core import PydanticCustomError
 
 from ...core.bounds import NotNegative, Number
 from ...core.files.limits import MAX_COUNT
 from ...core.geometry import Barriers, Point, segments_cross
 from ...registry import ROOM_KINDS
 from .base import Entities, IntRange, Range, Settings, TupleOf, require_registered, weights_of, within
+from .problems import setting_error
 
-MIN_DOOR_WIDTH = 0.7  # m: diameter of the default robot, with its path margin on both sides
-RoomKindName = Annotated[str, AfterValidator(partial(require_registered, ROOM_KINDS))]
-RoomSize = Annotated[Range, within("a room's size must be above 0", 0.0, above=True)]
-DoorWidth = Annotated[Range, within(f"a door must be {MIN_DOOR_WIDTH} m wide or more", MIN_DOOR_WIDTH)]
+_MIN_DOOR_WIDTH = 0.7  # m: diameter of the default robot, with its path margin on both sides
+_RoomKindName = Annotated[str, AfterValidator(partial(require_registered, ROOM_KINDS))]
+_RoomSize = Annotated[Range, within("a room's size must be above 0", 0.0, above=True)]
+_DoorWidth = Annotated[Range, within(f"a door must be {_MIN_DOOR_WIDTH} m wide or more", _MIN_DOOR_WIDTH)]
 
 
 def _check_wall(wall: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
     if wall[:2] == wall[2:]:
-        raise PydanticCustomError("wall", "wall {wall} has no length", {"wall": list(wall)})
+        raise setting_error(f"wall {list(wall)} has no length")
     return wall
 
 
 def _check_polygon(corners: tuple[Point, ...]) -> tuple[Point, ...]:
     if not _is_simple_polygon(corners):
-        raise PydanticCustomError("polygon", "the room's edges cross or touch each other")
+        raise setting_error("the room's edges cross or touch each other")
     return corners
 
 
@@ -59,22 +59,22 @@ class RoomConfig(Settings):
         walls: inner walls, as x1, y1, x2, y2, m.
     """
 
-    kinds: Annotated[dict[RoomKindName, NotNegative], *weights_of("kind of room")] = Field(
+    kinds: Annotated[dict[_RoomKindName, NotNegative], *weights_of("kind of room")] = Field(
         default={"square": 1.0, "rectangle": 1.0, "l": 1.0}
     )
-    side: RoomSize = Range(6, 10, 1)
-    breadth: RoomSize = Range(5, 10, 1)
-    length: RoomSize = Range(5, 10, 1)
-    unit: RoomSize = Range(3, 4, 1)
-    span: RoomSize = Range(8.0, 12.0)
-    depth: RoomSize = Range(7.0, 10.0)
-    arm: RoomSize = Range(2.5, 3.5)
-    corridor_length: RoomSize = Range(10.0, 16.0)
-    corridor_width: RoomSize = Range(2.0, 3.0)
-    chamber: RoomSize = Range(4.0, 7.0)
-    door: DoorWidth = Range(0.9, 1.2)
+    side: _RoomSize = Range(6, 10, 1)
+    breadth: _RoomSize = Range(5, 10, 1)
+    length: _RoomSize = Range(5, 10, 1)
+    unit: _RoomSize = Range(3, 4, 1)
+    span: _RoomSize = Range(8.0, 12.0)
+    depth: _RoomSize = Range(7.0, 10.0)
+    arm: _RoomSize = Range(2.5, 3.5)
+    corridor_length: _RoomSize = Range(10.0, 16.0)
+    corridor_width: _RoomSize = Range(2.0, 3.0)
+    chamber: _RoomSize = Range(4.0, 7.0)
+    door: _DoorWidth = Range(0.9, 1.2)
     door_offset: Range = Range(-1.0, 1.0)
-    hall: RoomSize = Range(12.0, 18.0)
+    hall: _RoomSize = Range(12.0, 18.0)
     turns: IntRange = IntRange(0, 3)
     polygon: Polygon | None = None
     walls: Entities[WallEnds] = ()
@@ -90,8 +90,11 @@ class RoomConfig(Settings):
         ):
             value = getattr(self, key).max
             if not value < limit:
-                context = {"value": f"{value:g}", "name": limit_name, "limit": f"{limit:g}", "path": (key,)}
-                raise PydanticCustomError("room", "{value} m must be less than {name}, which may be {limit} m", context)
+                raise setting_error(f"{value:g} m must be less than {limit_name}, which may be {limit:g} m", key)
+        length, breadth = self.length.max, self.breadth.min
+        if self.kinds.get("rectangle") and self.polygon is None and length < breadth:
+            message = f"no length up to {length:g} m is at least the breadth, {breadth:g} m; exchange them"
+            raise setting_error(message, "length")
         return self
 
 

@@ -13,7 +13,6 @@ from pydantic import (
     WrapSerializer,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
 
 from ...core.bounds import Capacity, Fraction, NotNegative, Number, Positive
 from ...core.entities import DEFAULT_MODEL, Formation, Kinematics, Limits, Reaction
@@ -37,17 +36,18 @@ from .base import (
     weights_of,
     within,
 )
+from .problems import setting_error
 from .rooms import RoomConfig as RoomConfig
 
-ModelName = Annotated[str, AfterValidator(partial(require_registered, PEDESTRIAN_MODELS))]
+_ModelName = Annotated[str, AfterValidator(partial(require_registered, PEDESTRIAN_MODELS))]
 Size = Positive | tuple[Positive, Positive]  # radius of a disc, or length (x) and width (y), m
 
-WalkingFormation = Literal["abreast", "v"]
-PairFormation = Literal["face_to_face", "l", "side_by_side"]
-CircleFormation = Literal["circle", "semicircle"]
-TalkingFormation = Literal[PairFormation, CircleFormation]
-GroupSize = Annotated[IntRange, within("a group has 2 to 6 people", 2, 6)]
-Spacing = Annotated[Range, within("neighbours in a group need 0.5 m or more between their centres", 0.5)]
+_WalkingFormation = Literal["abreast", "v"]
+_PairFormation = Literal["face_to_face", "l", "side_by_side"]
+_CircleFormation = Literal["circle", "semicircle"]
+_TalkingFormation = Literal[_PairFormation, _CircleFormation]
+_GroupSize = Annotated[IntRange, within("a group has 2 to 6 people", 2, 6)]
+_Spacing = Annotated[Range, within("neighbours in a group need 0.5 m or more between their centres", 0.5)]
 
 
 class FurnitureConfig(Settings):
@@ -82,8 +82,7 @@ class _DrawnOrFixed(Settings):
     @model_validator(mode="after")
     def _check_position(self) -> Self:
         if (self.x is None) != (self.y is None):
-            path = ("x" if self.x is None else "y",)
-            raise PydanticCustomError("place", "give x and y, or neither", {"path": path})
+            raise setting_error("give x and y, or neither", "x" if self.x is None else "y")
         return self
 
 
@@ -130,8 +129,7 @@ class QueueConfig(_DrawnOrFixed):
     @model_validator(mode="after")
     def _check_waiting(self) -> Self:
         if self.waiting.max > self.capacity:
-            context = {"waiting": self.waiting.max, "capacity": self.capacity, "path": ("waiting",)}
-            raise PydanticCustomError("queue", "{waiting} people do not fit into a queue of {capacity}", context)
+            raise setting_error(f"{self.waiting.max} people do not fit into a queue of {self.capacity}", "waiting")
         return self
 
 
@@ -207,7 +205,7 @@ class PersonConfig(Settings):
     desired_speed: SpeedConfig = SpeedConfig()
     headway: FactorConfig = FactorConfig()
     politeness: FactorConfig = FactorConfig()
-    model: ModelName = DEFAULT_MODEL
+    model: _ModelName = DEFAULT_MODEL
     ignores_robot: Fraction = 0.0
     reactions: Annotated[dict[Reaction, NotNegative], *weights_of("reaction")] = Field(default={"avoids": 1.0})
     robot_clearance: ClearanceConfig = ClearanceConfig()
@@ -230,17 +228,17 @@ class GroupConfig(Settings):
         places: x, y, m, world frame, of the o-space centres of the first talking groups; the others are drawn.
     """
 
-    walking_size: GroupSize = IntRange(2, 5)
-    walking_formations: Annotated[dict[WalkingFormation, NotNegative], *weights_of("formation")] = Field(
-        default=dict.fromkeys(get_args(WalkingFormation), 1.0)
+    walking_size: _GroupSize = IntRange(2, 5)
+    walking_formations: Annotated[dict[_WalkingFormation, NotNegative], *weights_of("formation")] = Field(
+        default=dict.fromkeys(get_args(_WalkingFormation), 1.0)
     )
-    walking_spacing: Spacing = Range(0.7, 1.1)
+    walking_spacing: _Spacing = Range(0.7, 1.1)
     v_angle: Annotated[Range, within("the angle of a V must be within 0.5..1.5708 rad", 0.5, 1.5708)] = Range(1.1, 1.33)
-    talking_size: GroupSize = IntRange(2, 6)
-    formations: Annotated[dict[TalkingFormation, NotNegative], *weights_of("formation")] = Field(
-        default=dict.fromkeys(get_args(TalkingFormation), 1.0)
+    talking_size: _GroupSize = IntRange(2, 6)
+    formations: Annotated[dict[_TalkingFormation, NotNegative], *weights_of("formation")] = Field(
+        default=dict.fromkeys(get_args(_TalkingFormation), 1.0)
     )
-    talking_spacing: Spacing = Range(0.9, 1.2)
+    talking_spacing: _Spacing = Range(0.9, 1.2)
     places: Entities[Point] = ()
 
     @model_validator(mode="after")
@@ -249,13 +247,13 @@ class GroupConfig(Settings):
         # every size from three up has the same formations, so that two and three stand for all sizes
         for size in {min(size, 3) for size in range(self.talking_size.min, self.talking_size.max + 1)}:
             if not sum(self.formation_weights(size).values()) > 0.0:
-                context = {"size": "two" if size == 2 else "three and more", "path": ("formations",)}
-                raise PydanticCustomError("formation", "no formation for {size} people has a weight above 0", context)
+                people = "two" if size == 2 else "three and more"
+                raise setting_error(f"no formation for {people} people has a weight above 0", "formations")
         return self
 
     def formation_weights(self, size: int) -> dict[Formation, float]:
         """Return the weights of the formations of a talking group with `size` members."""
-        fitting = get_args(PairFormation if size == 2 else CircleFormation)
+        fitting = get_args(_PairFormation if size == 2 else _CircleFormation)
         return {name: weight for name, weight in self.formations.items() if name in fitting}
 
 
@@ -304,8 +302,7 @@ class GoalConfig(Settings):
 def _check_time_limit(rules: Rules) -> Rules:
     """Require time for one tick."""
     if rules.time_limit < rules.dt:
-        context = {"dt": rules.dt, "path": ("time_limit",)}
-        raise PydanticCustomError("rules", "the time limit must be at least one tick, dt = {dt} s", context)
+        raise setting_error(f"the time limit must be at least one tick, dt = {rules.dt} s", "time_limit")
     return rules
 
 
@@ -313,8 +310,7 @@ def _check_choices(social: Social) -> Social:
     """Require that the probabilities of the choices on arrival leave no negative rest."""
     total = social.visits + social.joins + social.sits + social.queues + social.exits
     if total > 1.0 + 1e-9:
-        message = "visits + joins + sits + queues + exits is {sum}; the sum must not exceed 1"
-        raise PydanticCustomError("social", message, {"sum": round(total, 4)})
+        raise setting_error(f"visits + joins + sits + queues + exits is {round(total, 4)}; the sum must not exceed 1")
     return social
 
 
@@ -337,7 +333,7 @@ def _check_label(label: LabelSpec) -> LabelSpec:
     elif label.kind == "text" and label.when == "frame":
         hint, key = "text is asked for after the run; set when: run", "when"
     if hint:
-        raise PydanticCustomError("label", "{hint}", {"hint": hint, "path": (key,)})
+        raise setting_error(hint, key)
     return label
 
 
