@@ -7,9 +7,7 @@ files of pygame_gui; two small ones come with sonata2d.
 
 from __future__ import annotations
 
-import struct
 import unicodedata
-from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -18,6 +16,7 @@ from itertools import groupby
 from pathlib import Path
 
 import pygame
+from pygame import freetype
 
 from ..errors import RenderError
 from .palette import Colour
@@ -266,12 +265,13 @@ def _face_of(character: str) -> _Face:
 
 def _has(face: _Face, character: str) -> bool:
     """Whether a face is used for a character and has a glyph for it."""
-    code = ord(character)
-    if not face.limits[0] <= code <= face.limits[1]:
+    if not face.limits[0] <= ord(character) <= face.limits[1]:
         return False
-    starts, ends = _coverage(face.file)
-    k = bisect_right(starts, code) - 1
-    return k >= 0 and code <= ends[k]
+    try:
+        return _glyphs(face).get_metrics(character)[0] is not None
+    except pygame.error:  # pygame was closed, which invalidates its fonts
+        _glyphs.cache_clear()
+        return _glyphs(face).get_metrics(character)[0] is not None
 
 
 def _levels(text: str) -> list[int]:
@@ -317,33 +317,7 @@ def _library() -> Path:
 
 
 @cache
-def _coverage(file: str) -> tuple[list[int], list[int]]:
-    """First and last characters of the ranges that a font file has glyphs for, in ascending order.
-
-    pygame does not report missing glyphs, so the table `cmap` of the OpenType format is read here. A file that does not
-    exist has no characters.
-    """
-    try:
-        with _Face(file, "").path.open("rb") as stream:
-            tables = struct.unpack(">4xH6x", stream.read(12))[0]
-            names = dict(struct.iter_unpack(">4s4xI4x", stream.read(16 * tables)))
-            stream.seek(names[b"cmap"])
-            data = stream.read(1 << 20)
-    except FileNotFoundError:
-        return [], []
-    subtables = sorted(
-        (*struct.unpack_from(">H", data, offset), offset)
-        for (offset,) in struct.iter_unpack(">4xI", data[4 : 4 + 8 * struct.unpack_from(">H", data, 2)[0]])
-    )
-    groups: list[tuple[int, int]] = []
-    for kind, offset in subtables:
-        if kind == 4:  # 16-bit ranges: the ends of all segments, a gap, and their starts
-            count = struct.unpack_from(">H", data, offset + 6)[0] // 2
-            ends = struct.unpack_from(f">{count}H", data, offset + 14)
-            groups = list(zip(struct.unpack_from(f">{count}H", data, offset + 16 + 2 * count), ends, strict=True))[:-1]
-        elif kind == 12:  # 32-bit ranges; sorted last, because it includes the ranges of format 4
-            count = struct.unpack_from(">I", data, offset + 12)[0]
-            rows = struct.iter_unpack(">3I", data[offset + 16 : offset + 16 + 12 * count])
-            groups = [(first, last) for first, last, _ in rows]
-    groups.sort()
-    return [first for first, _ in groups], [last for _, last in groups]
+def _glyphs(face: _Face) -> freetype.Font:
+    """A face for `get_metrics`, which reports missing glyphs; fonts of `pygame.font`, which shape text, do not."""
+    freetype.init()
+    return freetype.Font(str(face.path), 20)
