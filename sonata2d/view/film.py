@@ -93,7 +93,7 @@ def save_film(
         snapshots: in order; consumed one by one, so that they can be read lazily.
         fps: pictures per second; by default 10 for a GIF, 30 for an MP4.
         speed: seconds of the episode per second of the film.
-        interpolate: interpolate between ticks; otherwise each picture shows the last tick.
+        interpolate: interpolate between ticks; otherwise each picture shows the last tick, and a GIF is smaller.
         size, scale, layers, caption, outcome: as for `picture`; without size and scale, the longer side of a GIF's
             room has at most 640 px. A legend explains the whole film, which is then read before the first picture is
             drawn.
@@ -292,19 +292,16 @@ def _write_mp4(path: Path, shown: Iterator[pygame.Surface], fps: float) -> None:
     ffmpeg = _import("imageio_ffmpeg")
     first = next(shown)
     path.open("wb").close()  # raises an OSError here if the file cannot be written; ffmpeg's error is less clear
-    size = tuple(side - side % 2 for side in first.get_size())
+    params = "-vf crop=trunc(iw/2)*2:trunc(ih/2)*2:0:0 -crf 17 -preset veryfast -movflags +faststart"
     writer = ffmpeg.write_frames(
-        str(path), size, fps=fps, codec="libx264", quality=None, macro_block_size=2, pix_fmt_in="bgr0",
-        output_params=["-crf", "17", "-preset", "veryfast", "-movflags", "+faststart"], ffmpeg_log_level="quiet",
+        str(path), first.get_size(), fps=fps, codec="libx264", quality=None, macro_block_size=1, pix_fmt_in="bgr0",
+        output_params=params.split(), ffmpeg_log_level="quiet",
     )  # fmt: skip
     writer.send(None)
-    even, count = pygame.Surface(size, 0, 32), 0  # of pictures
+    count = 0  # of pictures
     try:
         for drawn in chain([first], shown):
             count += 1
-            if drawn.get_size() != size:
-                even.blit(drawn, (0, 0))
-                drawn = even
             with _pixels(drawn) as pixels:
                 writer.send(pixels)
     except OSError as error:  # its text has many lines

@@ -22,7 +22,7 @@ from sonata2d.view.film import _sampled, _tail, save_film
 from sonata2d.view.interpolation import between
 from sonata2d.view.layers import Layers
 from sonata2d.view.palette import PURPLE
-from sonata2d.view.stills import MOMENT_SIDE, filmstrip, picture, save_moment
+from sonata2d.view.stills import _MOMENT_SIDE, filmstrip, picture, save_moment
 from sonata2d.view.trails import Trails
 
 from .conftest import pixels, snapshot_at
@@ -359,7 +359,7 @@ def url_pixels(url):
 
 def test_moments_show_the_whole_room_and_differ_only_where_agents_move(episode):
     first, again, last = (url_pixels(url) for url in filmstrip(episode, [0, 0, 11]))
-    assert first.shape == (math.ceil(5.6 * MOMENT_SIDE / 6.6), MOMENT_SIDE, 4)
+    assert first.shape == (math.ceil(5.6 * _MOMENT_SIDE / 6.6), _MOMENT_SIDE, 4)
     assert (first == again).all()
     changed = (first != last).any(axis=2)
     assert 0.002 < changed.mean() < 0.1  # only the robot and its path
