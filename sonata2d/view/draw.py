@@ -130,7 +130,7 @@ def draw_caption(
     canvas: Picture, camera: Camera, snapshot: Snapshot, trails: Trails | None, caption: str | None, outcome: str | None
 ) -> None:
     """Draw the strip below a picture; arguments as for `picture`."""
-    has_span = trails is not None and not trails.is_tail and "robot" not in snapshot.scene.unmeasured
-    span = trails.span if trails is not None and has_span else None
+    is_unmeasured = "robot" in snapshot.scene.unmeasured
+    span = None if trails is None or trails.is_tail or is_unmeasured else trails.span
     text = summary(snapshot, outcome) if caption is None else caption
     draw_strip(canvas, (camera.size[0], camera.size[1] + STRIP), text, camera.scale, span)

@@ -74,7 +74,7 @@ class FilmPainter:
 
 def save_film(
     path: str | Path,
-    snapshots: Iterable[Snapshot],
+    snapshots: Sequence[Snapshot],
     *,
     fps: float | None = None,
     speed: float = 1.0,
@@ -90,13 +90,12 @@ def save_film(
 
     Args:
         path: the file to write; the suffix `.gif` or `.mp4` selects the format.
-        snapshots: in order; consumed one by one, so that they can be read lazily.
+        snapshots: of one episode, in order.
         fps: pictures per second; by default 10 for a GIF, 30 for an MP4.
         speed: seconds of the episode per second of the film.
         interpolate: interpolate between ticks; otherwise each picture shows the last tick, and a GIF is smaller.
         size, scale, layers, caption, outcome: as for `picture`; without size and scale, the longer side of a GIF's
-            room has at most 640 px. A legend explains the whole film, which is then read before the first picture is
-            drawn.
+            room has at most 640 px. The legend explains the whole film.
         advance: called with 1 for each snapshot that was drawn, as of a progress bar.
 
     Raises:
@@ -105,18 +104,15 @@ def save_film(
     """
     path, layers = location(path), layers or Layers()
     fps = _pace_of(path, fps, speed)
-    snapshots = [*snapshots] if layers.legend else snapshots
-    remaining = iter(snapshots)
-    first = next(remaining, None)
-    if first is None:
+    if not snapshots:
         raise RenderError("there is nothing to film: the episode holds no frame")
-    legend = Legend.of(snapshots, layers, paths=True).fitting(size)
+    scene, legend = snapshots[0].scene, Legend.of(snapshots, layers, paths=True).fitting(size)
     below = layers.strip + legend.height(size[0]) if size else 0
     side = _GIF_SIDE if _is_gif(path) else DEFAULT_SIDE
-    camera = camera_for(first.scene, size=size, scale=scale, side=side, below=below)
-    shown = _counted(chain([first], remaining), advance or (lambda steps: None))
+    camera = camera_for(scene, size=size, scale=scale, side=side, below=below)
+    shown = _counted(snapshots, advance) if advance is not None else snapshots
     samples = _sampled(shown, speed / fps, interpolate=interpolate)
-    painter = FilmPainter(first.scene, camera, layers, legend)
+    painter = FilmPainter(scene, camera, layers, legend)
     _encode(path, _pictures(samples, painter, round(fps * _HOLD), caption, outcome), fps)
 
 

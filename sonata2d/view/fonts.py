@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.util import find_spec
-from itertools import groupby
+from itertools import accumulate, groupby
 from pathlib import Path
 
 import pygame
@@ -281,28 +281,30 @@ def _levels(text: str) -> list[int]:
         return [0] * len(text)
     base = next((int(kind != "L") for kind in kinds if kind in ("L", "R", "AL")), 0)
     sides: list[int | None] = []  # 0: left to right, 1: right to left, None: as its neighbours
+    digits = []  # whether a character is a digit, or the separator in 3.5
     strong = base
     for k, kind in enumerate(kinds):
         is_separator = kind in ("CS", "ES") and 0 < k < len(kinds) - 1 and kinds[k - 1] == kinds[k + 1] == "EN"
+        digits.append(kind in ("EN", "AN") or is_separator)
         if kind in ("L", "R", "AL"):
             strong = int(kind != "L")
             sides.append(strong)
-        elif kind in ("EN", "AN") or is_separator:  # digits, and the separator in 3.5
+        elif digits[-1]:
             sides.append(strong)
         else:
             sides.append(sides[-1] if kind == "NSM" and k else None)
-    levels = []
-    for k, (kind, side) in enumerate(zip(kinds, sides, strict=True)):
-        if side is None:  # the direction of both neighbours if these agree, otherwise the direction of the line
-            before = next((known for known in reversed(sides[:k]) if known is not None), base)
-            after = next((known for known in sides[k:] if known is not None), base)
-            side = before if before == after else base
-            levels.append(side if side else 2 * base)
-        elif kind in ("L", "R", "AL", "NSM"):
-            levels.append(side if side else 2 * base)
-        else:  # digits keep their order within right-to-left text
-            levels.append(2 if side or base else 0)
-    return levels
+
+    def latest(known: int, side: int | None) -> int:
+        return known if side is None else side
+
+    # a neutral character has the direction of both neighbours if these agree, otherwise the direction of the line
+    before = list(accumulate(sides, latest, initial=base))[1:]
+    after = list(accumulate(sides[::-1], latest, initial=base))[:0:-1]
+    resolved = [side if side == other else base for side, other in zip(before, after, strict=True)]
+    # digits keep their order within right-to-left text
+    return [
+        2 * (side | base) if is_digit else side or 2 * base for side, is_digit in zip(resolved, digits, strict=True)
+    ]
 
 
 # Font files

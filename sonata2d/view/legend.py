@@ -49,7 +49,7 @@ def english(name: str, **values: object) -> str:
     return TEXTS[name].format(**values)
 
 
-def name_of(activity: str) -> str:
+def _name_of(activity: str) -> str:
     """The key in `TEXTS` of an activity."""
     return activity.replace(" ", "_")
 
@@ -168,7 +168,7 @@ def _entries(
     present = {human.activity for snapshot in snapshots for human in snapshot.humans}
     for activity in ACTIVITY:
         if activity in present:
-            yield entry(name_of(activity), partial(_draw_pedestrian, activity, unmeasured))
+            yield entry(_name_of(activity), partial(_draw_pedestrian, activity, unmeasured))
     if present and any(human.reacts_to_robot == 0.0 for human in scene.humans) and "robot" not in unmeasured:
         yield entry("ignores", partial(_draw_pedestrian, "standing", unmeasured, ignores_robot=True))
     if present and layers.gaze and "heads" not in unmeasured:

@@ -17,7 +17,7 @@ from .canvas import PixelCanvas
 from .draw import backdrop, camera_for, draw_ids, draw_moving_parts, draw_still_parts
 from .layers import Layers
 from .palette import OUTSIDE, Colour
-from .projection import MAX_SIDE, MIN_SIDE, Camera
+from .projection import Camera, require_drawable
 from .room import FloorPlan
 from .sprites import SpriteCache
 from .trails import Trails
@@ -116,11 +116,7 @@ def image_of(snapshot: Snapshot, request: ImageRequest) -> Any:
         image_of(snapshot, ImageRequest(160, 120, view="follow")).shape  # (120, 160, 3)
     """
     size = request.width, request.height
-    if not all(MIN_SIDE <= side <= MAX_SIDE for side in size):
-        raise RenderError(
-            f"cannot draw an image of {request.width} x {request.height} pixels; "
-            f"a side must have {MIN_SIDE} to {MAX_SIDE} pixels"
-        )
+    require_drawable(size, 1.0)
     if request.view not in ("follow", "top"):
         raise RenderError(f"cannot draw an image with view {request.view!r}; use 'follow' or 'top'")
     fine = 2 if request.width * request.height <= _SMALL_IMAGE else 1

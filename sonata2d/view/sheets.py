@@ -30,7 +30,7 @@ from .stills import Still, write_file
 from .svg import SvgCanvas
 from .trails import Trails
 
-SUFFIXES = (".png", ".svg", *FILM_SUFFIXES, ".html")
+SUFFIXES = (".png", *FILM_SUFFIXES, ".html", ".svg")
 _GAP, _TITLE = 10, 26  # px: between pictures, and height of a title
 _WIDTH, _MAX_SCALE = 1600.0, 80.0  # px, px/m: of a sheet by default
 _MAX_COLUMNS = 4  # moments side by side

@@ -46,7 +46,7 @@ def test_camera_points_y_up_and_inverts_its_transform():
 
 @pytest.mark.parametrize("settings", [{"scale": 1e6}, {"scale": -3.0}, {"size": (5, 5)}, {"size": (99999, 500)}])
 def test_camera_rejects_sizes_and_scales_out_of_range(settings):
-    with pytest.raises(RenderError, match="choose another size or scale"):
+    with pytest.raises(RenderError, match="choose another size, scale or view range"):
         Camera.fit([(0.0, 0.0), (4.0, 2.0)], **settings)
 
 

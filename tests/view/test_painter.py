@@ -52,7 +52,7 @@ def test_the_robots_direction_points_up_in_the_follow_view(theta):
 
 @pytest.mark.parametrize("settings", [{"view_range": 0.0}, {"view_range": -1.0}, {"size": (4, 600)}])
 def test_a_camera_behind_the_robot_rejects_settings_out_of_range(settings):
-    with pytest.raises(RenderError, match="choose another size or view range"):
+    with pytest.raises(RenderError, match="choose another size, scale or view range"):
         Camera.behind((0.0, 0.0), (1.0, 0.0), **{"size": (800, 600)} | settings)
 
 
