@@ -130,7 +130,9 @@ def draw_caption(
     canvas: Picture, camera: Camera, snapshot: Snapshot, trails: Trails | None, caption: str | None, outcome: str | None
 ) -> None:
     """Draw the strip below a picture; arguments as for `picture`."""
-    is_unmeasured = "robot" in snapshot.scene.unmeasured
-    span = None if trails is None or trails.is_tail or is_unmeasured else trails.span
+    span = None
+    # the colours of a tail, or of a robot that is not drawn, need no explanation
+    if trails is not None and len(trails.time) and not trails.is_tail and "robot" not in snapshot.scene.unmeasured:
+        span = float(trails.time[0]), float(trails.time[-1])
     text = summary(snapshot, outcome) if caption is None else caption
     draw_strip(canvas, (camera.size[0], camera.size[1] + STRIP), text, camera.scale, span)

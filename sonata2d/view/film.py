@@ -13,8 +13,7 @@ from typing import Any
 import pygame
 
 from ..core.files.locations import location
-from ..core.files.whole_file import whole_file
-from ..core.notebook import Advance, ProgressBar
+from ..core.notebook import ProgressBar
 from ..core.relations import ACTIVITY
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
@@ -27,6 +26,7 @@ from .legend import Legend
 from .painter import Painter
 from .palette import FLOOR, GOAL, GRID, INK, PAPER, PATHS, ROBOT, WALL, mixed, time_colour
 from .projection import DEFAULT_SIDE, Camera
+from .stills import written
 from .trails import Trails, human_tones
 
 FILM_SUFFIXES = (".gif", ".mp4")
@@ -133,32 +133,32 @@ def save_sheet_film(
         episodes: the snapshots of each.
         painters: one for each episode.
         arrange: puts the pictures of all episodes together; they change afterwards.
-        bar: shows how many seconds of the longest episode are drawn.
+        bar: shows how many states of all episodes are drawn.
 
     Raises:
         RenderError: as for `save_film`.
     """
     path = location(path)
     fps = _pace_of(path, fps, speed)
-    films = [
-        _pictures(_sampled(snapshots, speed / fps, interpolate=True), painter, round(fps * _HOLD))
-        for snapshots, painter in zip(episodes, painters, strict=True)
-    ]
-    length = int(max(snapshots[-1].time - snapshots[0].time for snapshots in episodes))
+    with bar(sum(len(snapshots) for snapshots in episodes), "states") as advance:
+        films = [
+            _pictures(
+                _sampled(_counted(snapshots, advance), speed / fps, interpolate=True), painter, round(fps * _HOLD)
+            )
+            for snapshots, painter in zip(episodes, painters, strict=True)
+        ]
+        _encode(path, _together(films, arrange), fps)
 
-    def together(advance: Advance) -> Iterator[PixelCanvas]:
-        pictures: list[PixelCanvas] = []
-        drawn = 0  # s
-        for k, newer in enumerate(zip_longest(*films)):
-            seconds = min(int(k * speed / fps), length)
-            advance(seconds - drawn)
-            drawn = seconds
-            # an episode that has ended yields None
-            pictures = [new or old for new, old in zip_longest(newer, pictures)]
-            yield arrange(pictures)
 
-    with bar(length, "seconds of the longest episode") as advance:
-        _encode(path, together(advance), fps)
+def _together(
+    films: Sequence[Iterator[PixelCanvas]], arrange: Callable[[Sequence[PixelCanvas]], PixelCanvas]
+) -> Iterator[PixelCanvas]:
+    """The arranged pictures of several films, until the longest one has ended."""
+    pictures: list[PixelCanvas] = []
+    for newer in zip_longest(*films):
+        # a film that has ended yields None
+        pictures = [new or old for new, old in zip_longest(newer, pictures)]
+        yield arrange(pictures)
 
 
 def _is_gif(path: Path) -> bool:
@@ -188,11 +188,8 @@ def _encode(path: Path, pictures: Iterator[PixelCanvas], fps: float) -> None:
         RenderError: a package is missing, or the file cannot be written.
     """
     shown = (drawn.surface for drawn in pictures)
-    try:
-        with whole_file(path) as temporary:
-            (_write_gif if _is_gif(path) else _write_mp4)(temporary, shown, fps)
-    except OSError as error:
-        raise RenderError(f"cannot write {path}: {error.strerror or error}") from error
+    with written(path) as temporary:
+        (_write_gif if _is_gif(path) else _write_mp4)(temporary, shown, fps)
 
 
 def _counted(snapshots: Iterable[Snapshot], advance: Callable[[int], None]) -> Iterator[Snapshot]:

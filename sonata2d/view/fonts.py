@@ -118,7 +118,7 @@ def printable(text: str) -> str:
 def rendered(text: str, size: int, colour: Colour) -> pygame.Surface:
     """One antialiased line of text on a transparent surface; cached, so callers must not draw on it.
 
-    The height is that of `font(size)`, unless glyphs of another script are higher or lower.
+    The height equals the height of `font(size)`, unless glyphs of another script are higher or lower.
     """
     runs = _runs(printable(text))
     if all(face is _SANS for face, _, _ in runs):

@@ -10,6 +10,7 @@ from ..core.geometry import Point
 from ..errors import RenderError
 
 MIN_SIDE, _MAX_SIDE = 16, 6000  # px; a larger picture is probably a mistake in the scale
+_DOWN = 0.72  # fraction of the picture's height above an agent that is followed
 _DEFAULT_SCALE, DEFAULT_SIDE = 80.0, 1000.0  # px/m; px, the side that the default scale does not exceed
 
 
@@ -63,9 +64,7 @@ class Camera:
         return cls(scale, (x0 + x1 - width / scale) / 2, (y0 + y1 + height / scale) / 2, (width, height))
 
     @classmethod
-    def behind(
-        cls, place: Point, direction: Point, *, size: tuple[int, int], view_range: float = 5.0, down: float = 0.72
-    ) -> Camera:
+    def behind(cls, place: Point, direction: Point, *, size: tuple[int, int], view_range: float = 5.0) -> Camera:
         """View the area ahead of an agent, whose direction points up in the picture.
 
         Args:
@@ -73,12 +72,11 @@ class Camera:
             direction: unit vector, world frame.
             size: of the picture, px.
             view_range: distance from the agent to the upper edge, m.
-            down: fraction of the picture's height above the agent.
 
         Raises:
             RenderError: a side is outside 16 to 6000 px, or view_range is not a positive number.
         """
-        scale = down * size[1] / view_range if view_range else 0.0
+        scale = _DOWN * size[1] / view_range if view_range else 0.0
         require_drawable(size, scale)
         (ux, uy), half_width = direction, size[0] / 2 / scale
         left, top = place[0] + view_range * ux - half_width * uy, place[1] + view_range * uy + half_width * ux

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -200,8 +201,19 @@ def write_file(path: str | Path, content: bytes) -> None:
     Raises:
         RenderError: the file cannot be written.
     """
+    with written(path) as temporary:
+        temporary.write_bytes(content)
+
+
+@contextmanager
+def written(path: str | Path) -> Iterator[Path]:
+    """Yield a path to write to, which becomes the file, whole or not at all.
+
+    Raises:
+        RenderError: the file cannot be written.
+    """
     try:
         with whole_file(path) as temporary:
-            temporary.write_bytes(content)
+            yield temporary
     except OSError as error:
         raise RenderError(f"cannot write {path}: {error.strerror or error}") from error

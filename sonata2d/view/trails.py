@@ -51,11 +51,6 @@ class Trails:
         )
 
     @property
-    def span(self) -> tuple[float, float] | None:
-        """First and last time, s; None without positions."""
-        return (float(self.time[0]), float(self.time[-1])) if len(self.time) else None
-
-    @property
     def has_marks(self) -> bool:
         """Whether the robot's path is drawn with time marks."""
         return not self.is_tail and len(_marks(self.time)) > 0
@@ -105,7 +100,7 @@ def draw_mark_sample(brush: Brush) -> None:
 def draw_path_samples(brush: Brush, *, robot: bool) -> None:
     """Draw pieces of paths, 0.4 m long, around the brush: the robot's, if it is to be drawn, above two others.
 
-    The widths are those of paths at a common scale, so that they can be recognised.
+    The widths equal the widths of paths at a common scale, so that they can be recognised.
     """
     across = (0.12, 0.0, -0.12) if robot else (0.08, -0.08)
     samples = [*([(_ROBOT_TONES, 0.07)] if robot else []), *((human_tones(n), 0.035) for n in (0, 1))]
