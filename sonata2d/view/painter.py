@@ -100,7 +100,7 @@ class Painter:
         return self._room[1]
 
 
-_painters: list[tuple[Scene, Painter]] = []  # most recently used last
+_painters: dict[int, Painter] = {}  # by the identity of the scene, which each painter holds
 
 
 def image_of(snapshot: Snapshot, request: ImageRequest) -> Any:
@@ -130,10 +130,9 @@ def image_of(snapshot: Snapshot, request: ImageRequest) -> Any:
 
 def _painter_of(scene: Scene) -> Painter:
     """The cached painter of a scene; scenes are compared by identity, because comparing values would be slow."""
-    for k, (known, painter) in enumerate(_painters):
-        if known is scene:
-            _painters.append(_painters.pop(k))
-            return painter
-    del _painters[: max(len(_painters) - _MAX_PAINTERS + 1, 0)]
-    _painters.append((scene, Painter(scene)))  # holding the scene keeps its identity unique
-    return _painters[-1][1]
+    painter = _painters.get(id(scene))
+    if painter is None:
+        if len(_painters) >= _MAX_PAINTERS:
+            _painters.pop(next(iter(_painters)))
+        painter = _painters[id(scene)] = Painter(scene)
+    return painter

@@ -38,15 +38,13 @@ class Trails:
     @classmethod
     def of(cls, snapshots: Iterable[Snapshot], *, is_tail: bool = False) -> Trails:
         """Collect the positions from the snapshots of one episode."""
-        rows = [
-            (s.time, s.robot.position, s.humans.expand(s.humans.position, len(s.scene.humans), np.nan))
-            for s in snapshots
-        ]
-        count = len(rows[0][2]) if rows else 0
+        snapshots = [*snapshots]
+        count = len(snapshots[0].scene.humans) if snapshots else 0
+        humans = [s.humans.expand(s.humans.position, count, np.nan) for s in snapshots]
         return cls(
-            np.array([time for time, _, _ in rows], dtype=float),
-            np.array([robot for _, robot, _ in rows], dtype=float).reshape(len(rows), 2),
-            np.array([humans for _, _, humans in rows], dtype=float).reshape(len(rows), count, 2),
+            np.array([s.time for s in snapshots], dtype=float),
+            np.array([s.robot.position for s in snapshots], dtype=float).reshape(len(snapshots), 2),
+            np.array(humans, dtype=float).reshape(len(snapshots), count, 2),
             is_tail,
         )
 
