@@ -75,8 +75,6 @@ _RTL_SCRIPTS = ("Arab", "Hebr")
 _MIRRORED = str.maketrans("()[]{}<>«»", ")(][}{><»«")
 _JOINERS = "\u200c\u200d\ufe0e\ufe0f"  # part of how their neighbours look, although they are not printable
 
-_fonts: dict[tuple[int, _Face, bool], pygame.font.Font] = {}
-
 
 def font(size: int) -> pygame.font.Font:
     """Noto Sans at a text size in pixels, which draws Latin, Greek and Cyrillic letters."""
@@ -84,23 +82,21 @@ def font(size: int) -> pygame.font.Font:
 
 
 def _font(size: int, face: _Face, rtl: bool) -> pygame.font.Font:
-    """A face at a text size, for left-to-right or right-to-left runs; cached, and opened again after pygame closed."""
-    if not pygame.font.get_init():
-        pygame.font.init()
-        _fonts.clear()
-    key = size, face, rtl
-    known = _fonts.get(key)
-    if known is not None:
-        try:
-            known.get_height()
-        except pygame.error:  # pygame was closed and opened again, which invalidates its fonts
-            _fonts.clear()
-            known = None
-    if known is None:
-        known = _fonts[key] = pygame.font.Font(str(face.path), max(round(size * EM), 1))
-        known.set_script(face.script)
-        known.set_direction(pygame.DIRECTION_RTL if rtl else pygame.DIRECTION_LTR)
-    return known
+    """A face at a text size, for left-to-right or right-to-left runs."""
+    pygame.font.init()
+    try:
+        _opened(size, face, rtl).get_height()
+    except pygame.error:  # pygame was closed, which invalidates its fonts
+        _opened.cache_clear()
+    return _opened(size, face, rtl)
+
+
+@cache
+def _opened(size: int, face: _Face, rtl: bool) -> pygame.font.Font:
+    opened = pygame.font.Font(str(face.path), max(round(size * EM), 1))
+    opened.set_script(face.script)
+    opened.set_direction(pygame.DIRECTION_RTL if rtl else pygame.DIRECTION_LTR)
+    return opened
 
 
 def printable(text: str) -> str:
