@@ -18,7 +18,6 @@ from .draw import backdrop, camera_for, draw_ids, draw_moving_parts, draw_still_
 from .layers import Layers
 from .palette import OUTSIDE, Colour
 from .projection import Camera, require_drawable
-from .room import FloorPlan
 from .sprites import SpriteCache
 from .trails import Trails
 
@@ -37,7 +36,7 @@ class Painter:
     """
 
     def __init__(self, scene: Scene, *, outside: Colour = OUTSIDE, cut_zones: bool = False) -> None:
-        self._scene, self._plan, self._sprites = scene, FloorPlan.of(scene), SpriteCache()
+        self._scene, self._sprites = scene, SpriteCache()
         self._outside, self._cut_zones = outside, cut_zones
         self._room: tuple[tuple[Any, ...], pygame.Surface] | None = None
 
@@ -85,7 +84,7 @@ class Painter:
             surface.blit(self._fixed_room(camera, layers), (0, 0))
         else:
             surface.fill(self._outside)
-            draw_still_parts(brush, self._scene, grid=layers.grid, plan=self._plan)
+            draw_still_parts(brush, self._scene, grid=layers.grid)
         draw_moving_parts(brush, snapshot, layers, trails, cut_zones=self._cut_zones)
         draw_ids(canvas, camera, snapshot, layers)
         return camera
