@@ -3,7 +3,7 @@
 const GAZE_RANGE = .75, GAZE_RAYS = [-3, -2, -1, 0, 1, 2, 3].map(k => .38 * k / 3);   // m beyond the outline; rad
 const VIEW_RANGE = 5, DOWN = .72;           // of the follow view: m to the upper edge; position of the robot from the top
 const MARGIN = .3;                          // m, around the room in the top view
-export const TRAIL = 61;                    // positions of past paths
+export const TRAIL = 61;                    // ticks of past paths
 const SYMBOL_SCALE = 100;                   // pixels per metre
 
 // ---- states between two ticks
