@@ -8,18 +8,18 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import pygame
+
 from sonata2d.core.entities import Furniture, Goal, Human, Interaction, Robot
 from sonata2d.core.furniture_types import BUILT_IN
 from sonata2d.core.geometry import Pose
 from sonata2d.core.scene import Scene
 from sonata2d.scenegen.pieces import shape_of_size
 from sonata2d.view.brush import Brush
-from sonata2d.view.canvas import PixelCanvas
 from sonata2d.view.furniture import half_size
 from sonata2d.view.layers import Layers
 from sonata2d.view.palette import BLUE, FAINT, INK, Colour
-from sonata2d.view.projection import Camera
-from sonata2d.view.stills import picture, save_surface, snapshot_of
+from sonata2d.view.stills import Still, save_surface, snapshot_of
 
 ROOT = Path(__file__).parent.parent
 
@@ -53,17 +53,18 @@ def main(folder: Path) -> None:
         "furniture", "furniture", corners, (), tuple(furniture), tuple(people), Robot(Pose(0.0, 0.0)),
         Goal(0.0, 0.0), interactions=interactions, unmeasured=frozenset({"robot", "goal"}),
     )  # fmt: skip
-    camera = Camera.fit(corners, scale=SCALE, margin=0.0)
-    drawn = picture(
-        snapshot_of(scene), camera=camera, layers=Layers(gaze=False, links=False, grid=False, caption=False)
-    )
-    brush = Brush(PixelCanvas(drawn), camera)
+    layers = Layers(gaze=False, links=False, grid=False, caption=False)
+    still = Still(snapshot_of(scene), scale=SCALE, layers=layers)
+    canvas, camera = still.pixels(), still.camera
+    brush = Brush(canvas, camera)
     for item in furniture:
         draw_axis(brush, item, (1.0, 0.0), "x")
         draw_axis(brush, item, (0.0, 1.0), "y")
         x, y = camera.to_pixels((item.pose.x, LOW))
         brush.canvas.text(INK, item.type, (x, y - 12), 18)
-    save_surface(drawn, folder / "furniture.png")
+    (x0, y0), (x1, y1) = camera.to_pixels((left, HIGH)), camera.to_pixels((right, LOW))
+    floor = pygame.Rect(round(x0), round(y0), round(x1 - x0), round(y1 - y0))
+    save_surface(canvas.surface.subsurface(floor), folder / "furniture.png")
 
 
 def draw_axis(brush: Brush, item: Furniture, direction: tuple[float, float], name: str) -> None:

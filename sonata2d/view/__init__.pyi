@@ -1,4 +1,3 @@
-from .draw import backdrop as backdrop
 from .episode_files import SUFFIXES as SUFFIXES, render as render
 from .film import save_film as save_film
 from .interpolation import between as between
@@ -7,6 +6,7 @@ from .painter import Painter as Painter, image_of as image_of
 from .projection import Camera as Camera
 from .sheets import scene_picture as scene_picture
 from .stills import (
+    Still as Still,
     filmstrip as filmstrip,
     picture as picture,
     save_moment as save_moment,

@@ -19,7 +19,7 @@ from .palette import FAINT, FLOOR, INK, PAPER, Colour, mixed, time_colour
 
 STRIP = 34  # px, height of the strip
 TEXT, SMALL = 18, 16  # px, font sizes
-_EDGE, _GAP = 14, 22  # px
+_EDGE, _GAP, _TIME_BAR = 14, 22, 90  # px; the last one is the length of the time bar
 _PLATE_EDGE = mixed(FLOOR, INK, 0.3)
 _MIN_TIME_BAR_WIDTH = 420  # px; a narrower strip has no time bar
 
@@ -81,12 +81,12 @@ def _draw_scale_bar(canvas: Picture, right: tuple[int, int], scale: float) -> in
     return canvas.text(INK, "1 m", (x - length - 6, y), SMALL, "midright").left
 
 
-def _draw_time_bar(canvas: Picture, right: tuple[int, int], span: tuple[float, float], length: int = 90) -> int:
+def _draw_time_bar(canvas: Picture, right: tuple[int, int], span: tuple[float, float]) -> int:
     """Draw the colours of the robot's trail between first and last time; returns the leftmost pixel."""
     end = canvas.text(FAINT, f"{span[1]:.1f} s", right, SMALL, "midright")
-    x = end.left - 6 - length
-    for k in range(length):
-        canvas.rectangle(time_colour(k / (length - 1)), pygame.Rect(x + k, right[1] - 4, 1, 8))
+    x = end.left - 6 - _TIME_BAR
+    for k in range(_TIME_BAR):
+        canvas.rectangle(time_colour(k / (_TIME_BAR - 1)), pygame.Rect(x + k, right[1] - 4, 1, 8))
     return canvas.text(FAINT, f"{span[0]:.1f}", (x - 6, right[1]), SMALL, "midright").left
 
 

@@ -80,10 +80,9 @@ class RasterCanvas:
         # pygame measures the width of a line along an axis of the picture; its polygons include their edges
         exact = width * np.hypot(*along.T) / np.maximum(along.max(axis=1), 1e-9) + (self.fine > 1)
         widths = np.rint(exact).astype(int).tolist()
-        primitive = _smooth_step if self.fine == 1 else _hard_step
         has_round_ends = self.fine > 1 and self._is_wide(width)
         for colour, step, line_width in zip(colours, steps.tolist(), widths, strict=True):
-            self.draw(primitive, colour, step, width, line_width)
+            self.draw(_step, colour, step, width, line_width, self.fine == 1)
             for end in step if has_round_ends else ():
                 self.circle(colour, end, width / 2)
 
@@ -193,14 +192,9 @@ def _hard_circle(surface: pygame.Surface, colour: Colour, points: Sequence[Point
     pygame.draw.circle(surface, colour, points[0], radius, max(round(width), 1) if width else 0)
 
 
-def _hard_step(surface: pygame.Surface, colour: Colour, points: Sequence[Point], width: int) -> None:
-    start, end = points
-    pygame.draw.line(surface, colour, start, end, width)
-
-
-def _smooth_step(surface: pygame.Surface, colour: Colour, points: Sequence[Point], width: int) -> None:
-    start, end = pixel_centres(points)
-    pygame.draw.aaline(surface, colour, start, end, width)
+def _step(surface: pygame.Surface, colour: Colour, points: Sequence[Point], width: int, smooth: bool) -> None:
+    start, end = pixel_centres(points) if smooth else points
+    (pygame.draw.aaline if smooth else pygame.draw.line)(surface, colour, start, end, width)
 
 
 def _text(surface: pygame.Surface, colour: Colour, points: Sequence[Point], words: str, size: int, anchor: str) -> None:

@@ -17,7 +17,7 @@ from .landmarks import draw_landmarks
 from .layers import Layers, draw_gazes, draw_interactions, draw_velocities, draw_zones
 from .palette import FAINT, PAPER, WALL, Colour
 from .projection import DEFAULT_SIDE, Camera
-from .room import FloorPlan, draw_room
+from .room import draw_room
 from .trails import Trails, draw_trails
 
 _FINE, QUICK = 4, 2  # supersampling factors; powers of two, because pygame's smoothscale darkens others slightly
@@ -61,14 +61,9 @@ def backdrop(
     return surface
 
 
-def draw_still_parts(brush: Brush, scene: Scene, *, grid: bool, plan: FloorPlan | None = None) -> None:
-    """Draw the room and the objects in it.
-
-    Args:
-        grid: whether to draw the grid lines.
-        plan: of the scene; derived from it if it is not given.
-    """
-    draw_room(brush, plan or FloorPlan.of(scene), grid=grid)
+def draw_still_parts(brush: Brush, scene: Scene, *, grid: bool) -> None:
+    """Draw the room, with grid lines if `grid` is set, and the objects in it."""
+    draw_room(brush, scene, grid=grid)
     draw_landmarks(brush, scene)
     draw_furniture(brush, scene)
 
@@ -130,7 +125,9 @@ def draw_caption(
     canvas: Picture, camera: Camera, snapshot: Snapshot, trails: Trails | None, caption: str | None, outcome: str | None
 ) -> None:
     """Draw the strip below a picture; arguments as for `picture`."""
-    has_span = trails is not None and not trails.is_tail and "robot" not in snapshot.scene.unmeasured
-    span = trails.span if trails is not None and has_span else None
+    span = None
+    # the colours of a tail, or of a robot that is not drawn, need no explanation
+    if trails is not None and len(trails.time) and not trails.is_tail and "robot" not in snapshot.scene.unmeasured:
+        span = float(trails.time[0]), float(trails.time[-1])
     text = summary(snapshot, outcome) if caption is None else caption
     draw_strip(canvas, (camera.size[0], camera.size[1] + STRIP), text, camera.scale, span)

@@ -3,7 +3,7 @@
 const GAZE_RANGE = .75, GAZE_RAYS = [-3, -2, -1, 0, 1, 2, 3].map(k => .38 * k / 3);   // m beyond the outline; rad
 const VIEW_RANGE = 5, DOWN = .72;           // of the follow view: m to the upper edge; position of the robot from the top
 const MARGIN = .3;                          // m, around the room in the top view
-const TRAIL = 60;                           // ticks of past paths
+export const TRAIL = 61;                    // ticks of past paths
 const SYMBOL_SCALE = 100;                   // pixels per metre
 
 // ---- states between two ticks
@@ -44,7 +44,7 @@ export function topCamera(scene, width, height, zoom = 1, place = null) {
 }
 
 /** From behind the robot, whose direction points up. */
-export function followCamera(robot, width, height, zoom = 1) {
+function followCamera(robot, width, height, zoom = 1) {
   const range = VIEW_RANGE / zoom, scale = DOWN * height / range, half = width / 2 / scale;
   const ux = Math.cos(robot.theta), uy = Math.sin(robot.theta);
   return {scale, up: [ux, uy], width, height,
@@ -55,12 +55,6 @@ export function followCamera(robot, width, height, zoom = 1) {
 export function toPixels(camera, x, y) {
   const [ux, uy] = camera.up, dx = x - camera.left, dy = camera.top - y;
   return [(dx * uy + dy * ux) * camera.scale, (dy * uy - dx * ux) * camera.scale];
-}
-
-/** World point of a pixel. */
-export function toWorld(camera, right, down) {
-  const [ux, uy] = camera.up, r = right / camera.scale, d = down / camera.scale;
-  return [camera.left + r * uy - d * ux, camera.top - r * ux - d * uy];
 }
 
 /** Size of a canvas on the page, px; it gets as many pixels as the screen has there. */
@@ -258,11 +252,11 @@ export class SceneDrawing {
   }
 
   drawTrail({rows, colour, width}) {
-    const last = rows.length - 1;
-    for (let i = Math.max(last - TRAIL, 1); i <= last; i++) if (rows[i] && rows[i - 1]) {
-      this.path(rows[i - 1], rows[i]);
-      this.pen.globalAlpha = .55 * (1 - (last - i) / (TRAIL + 1)); this.line(colour, width, [9, 0]);
-    }
+    rows.forEach((row, i) => {
+      if (!row || !rows[i - 1]) return;
+      this.path(rows[i - 1], row);
+      this.pen.globalAlpha = .55 * (1 - (rows.length - 1 - i) / TRAIL); this.line(colour, width, [9, 0]);
+    });
   }
 
   drawId(item) {

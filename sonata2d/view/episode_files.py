@@ -13,11 +13,10 @@ from .drawing import Drawing
 from .episode_page import page_of
 from .film import FILM_SUFFIXES, save_film
 from .layers import Layers
-from .sheets import moments
+from .sheets import SUFFIXES as SUFFIXES, moments
 from .stills import save_moment, write_file
 from .trails import Trails
 
-SUFFIXES = (".png", ".gif", ".mp4", ".html", ".svg")
 _PICTURE_SUFFIXES = (".png", ".svg")
 _SUFFIXES_OF = {  # of the formats on which an argument of `render` has an effect
     "fps": FILM_SUFFIXES,

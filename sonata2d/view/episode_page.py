@@ -69,22 +69,20 @@ def page_of(
 
 
 def _episode_data(drawing: Drawing, layers: Layers) -> dict[str, Any]:
-    """The scene, all states, commands and labels of an episode; each distinct label text is stored once."""
+    """The scene, all states, commands and labels of an episode."""
     scene = drawing.snapshots[0].scene
     unknown = ({"gaze"} if "heads" in scene.unmeasured else set()) | ({"goal"} & scene.unmeasured)
     is_driven = "robot" not in scene.unmeasured
     rows = None if drawing.commands is None else np.asarray(drawing.commands, dtype=float).round(3).tolist()
-    texts = ["" if label is None else value_text(label) for label in drawing.labels or ()]
-    distinct = list(dict.fromkeys(texts))
-    index = {text: k for k, text in enumerate(distinct)}
-    has_labels = is_driven and drawing.labels is not None
+    labels = None
+    if is_driven and drawing.labels is not None:
+        labels = ["" if label is None else value_text(label) for label in drawing.labels]
     return scene_data(scene, layers) | {
         "states": states_data(drawing.snapshots),
         "layerTexts": _SWITCHES,
         "layers": {name: name == "trails" or getattr(layers, name) for name in _SWITCHES if name not in unknown},
         "commands": rows if is_driven else None,
-        "labels": [index[text] for text in texts] if has_labels else None,
-        "labelTexts": distinct,
+        "labels": labels,
         "outcome": None if "outcome" in scene.unmeasured else drawing.outcome,
     }
 

@@ -13,8 +13,7 @@ from typing import Any
 import pygame
 
 from ..core.files.locations import location
-from ..core.files.whole_file import whole_file
-from ..core.notebook import Advance, ProgressBar
+from ..core.notebook import ProgressBar
 from ..core.relations import ACTIVITY
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
@@ -27,6 +26,7 @@ from .legend import Legend
 from .painter import Painter
 from .palette import FLOOR, GOAL, GRID, INK, PAPER, PATHS, ROBOT, WALL, mixed, time_colour
 from .projection import DEFAULT_SIDE, Camera
+from .stills import written
 from .trails import Trails, human_tones
 
 FILM_SUFFIXES = (".gif", ".mp4")
@@ -74,7 +74,7 @@ class FilmPainter:
 
 def save_film(
     path: str | Path,
-    snapshots: Iterable[Snapshot],
+    snapshots: Sequence[Snapshot],
     *,
     fps: float | None = None,
     speed: float = 1.0,
@@ -90,13 +90,12 @@ def save_film(
 
     Args:
         path: the file to write; the suffix `.gif` or `.mp4` selects the format.
-        snapshots: in order; consumed one by one, so that they can be read lazily.
+        snapshots: of one episode, in order.
         fps: pictures per second; by default 10 for a GIF, 30 for an MP4.
         speed: seconds of the episode per second of the film.
-        interpolate: interpolate between ticks; otherwise each picture shows the last tick.
+        interpolate: interpolate between ticks; otherwise each picture shows the last tick, and a GIF is smaller.
         size, scale, layers, caption, outcome: as for `picture`; without size and scale, the longer side of a GIF's
-            room has at most 640 px. A legend explains the whole film, which is then read before the first picture is
-            drawn.
+            room has at most 640 px. The legend explains the whole film.
         advance: called with 1 for each snapshot that was drawn, as of a progress bar.
 
     Raises:
@@ -105,18 +104,15 @@ def save_film(
     """
     path, layers = location(path), layers or Layers()
     fps = _pace_of(path, fps, speed)
-    snapshots = [*snapshots] if layers.legend else snapshots
-    remaining = iter(snapshots)
-    first = next(remaining, None)
-    if first is None:
+    if not snapshots:
         raise RenderError("there is nothing to film: the episode holds no frame")
-    legend = Legend.of(snapshots, layers, paths=True).fitting(size)
+    scene, legend = snapshots[0].scene, Legend.of(snapshots, layers, paths=True).fitting(size)
     below = layers.strip + legend.height(size[0]) if size else 0
     side = _GIF_SIDE if _is_gif(path) else DEFAULT_SIDE
-    camera = camera_for(first.scene, size=size, scale=scale, side=side, below=below)
-    shown = _counted(chain([first], remaining), advance or (lambda steps: None))
+    camera = camera_for(scene, size=size, scale=scale, side=side, below=below)
+    shown = _counted(snapshots, advance) if advance is not None else snapshots
     samples = _sampled(shown, speed / fps, interpolate=interpolate)
-    painter = FilmPainter(first.scene, camera, layers, legend)
+    painter = FilmPainter(scene, camera, layers, legend)
     _encode(path, _pictures(samples, painter, round(fps * _HOLD), caption, outcome), fps)
 
 
@@ -137,32 +133,32 @@ def save_sheet_film(
         episodes: the snapshots of each.
         painters: one for each episode.
         arrange: puts the pictures of all episodes together; they change afterwards.
-        bar: shows how many seconds of the longest episode are drawn.
+        bar: shows how many states of all episodes are drawn.
 
     Raises:
         RenderError: as for `save_film`.
     """
     path = location(path)
     fps = _pace_of(path, fps, speed)
-    films = [
-        _pictures(_sampled(snapshots, speed / fps, interpolate=True), painter, round(fps * _HOLD))
-        for snapshots, painter in zip(episodes, painters, strict=True)
-    ]
-    length = int(max(snapshots[-1].time - snapshots[0].time for snapshots in episodes))
+    with bar(sum(len(snapshots) for snapshots in episodes), "states") as advance:
+        films = [
+            _pictures(
+                _sampled(_counted(snapshots, advance), speed / fps, interpolate=True), painter, round(fps * _HOLD)
+            )
+            for snapshots, painter in zip(episodes, painters, strict=True)
+        ]
+        _encode(path, _together(films, arrange), fps)
 
-    def together(advance: Advance) -> Iterator[PixelCanvas]:
-        pictures: list[PixelCanvas] = []
-        drawn = 0  # s
-        for k, newer in enumerate(zip_longest(*films)):
-            seconds = min(int(k * speed / fps), length)
-            advance(seconds - drawn)
-            drawn = seconds
-            # an episode that has ended yields None
-            pictures = [new or old for new, old in zip_longest(newer, pictures)]
-            yield arrange(pictures)
 
-    with bar(length, "seconds of the longest episode") as advance:
-        _encode(path, together(advance), fps)
+def _together(
+    films: Sequence[Iterator[PixelCanvas]], arrange: Callable[[Sequence[PixelCanvas]], PixelCanvas]
+) -> Iterator[PixelCanvas]:
+    """The arranged pictures of several films, until the longest one has ended."""
+    pictures: list[PixelCanvas] = []
+    for newer in zip_longest(*films):
+        # a film that has ended yields None
+        pictures = [new or old for new, old in zip_longest(newer, pictures)]
+        yield arrange(pictures)
 
 
 def _is_gif(path: Path) -> bool:
@@ -192,11 +188,8 @@ def _encode(path: Path, pictures: Iterator[PixelCanvas], fps: float) -> None:
         RenderError: a package is missing, or the file cannot be written.
     """
     shown = (drawn.surface for drawn in pictures)
-    try:
-        with whole_file(path) as temporary:
-            (_write_gif if _is_gif(path) else _write_mp4)(temporary, shown, fps)
-    except OSError as error:
-        raise RenderError(f"cannot write {path}: {error.strerror or error}") from error
+    with written(path) as temporary:
+        (_write_gif if _is_gif(path) else _write_mp4)(temporary, shown, fps)
 
 
 def _counted(snapshots: Iterable[Snapshot], advance: Callable[[int], None]) -> Iterator[Snapshot]:
@@ -292,19 +285,16 @@ def _write_mp4(path: Path, shown: Iterator[pygame.Surface], fps: float) -> None:
     ffmpeg = _import("imageio_ffmpeg")
     first = next(shown)
     path.open("wb").close()  # raises an OSError here if the file cannot be written; ffmpeg's error is less clear
-    size = tuple(side - side % 2 for side in first.get_size())
+    params = "-vf crop=trunc(iw/2)*2:trunc(ih/2)*2:0:0 -crf 17 -preset veryfast -movflags +faststart"
     writer = ffmpeg.write_frames(
-        str(path), size, fps=fps, codec="libx264", quality=None, macro_block_size=2, pix_fmt_in="bgr0",
-        output_params=["-crf", "17", "-preset", "veryfast", "-movflags", "+faststart"], ffmpeg_log_level="quiet",
+        str(path), first.get_size(), fps=fps, codec="libx264", quality=None, macro_block_size=1, pix_fmt_in="bgr0",
+        output_params=params.split(), ffmpeg_log_level="quiet",
     )  # fmt: skip
     writer.send(None)
-    even, count = pygame.Surface(size, 0, 32), 0  # of pictures
+    count = 0  # of pictures
     try:
         for drawn in chain([first], shown):
             count += 1
-            if drawn.get_size() != size:
-                even.blit(drawn, (0, 0))
-                drawn = even
             with _pixels(drawn) as pixels:
                 writer.send(pixels)
     except OSError as error:  # its text has many lines

@@ -7,17 +7,16 @@ files of pygame_gui; two small ones come with sonata2d.
 
 from __future__ import annotations
 
-import struct
 import unicodedata
-from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.util import find_spec
-from itertools import groupby
+from itertools import accumulate, groupby
 from pathlib import Path
 
 import pygame
+from pygame import freetype
 
 from ..errors import RenderError
 from .palette import Colour
@@ -76,8 +75,6 @@ _RTL_SCRIPTS = ("Arab", "Hebr")
 _MIRRORED = str.maketrans("()[]{}<>«»", ")(][}{><»«")
 _JOINERS = "\u200c\u200d\ufe0e\ufe0f"  # part of how their neighbours look, although they are not printable
 
-_fonts: dict[tuple[int, _Face, bool], pygame.font.Font] = {}
-
 
 def font(size: int) -> pygame.font.Font:
     """Noto Sans at a text size in pixels, which draws Latin, Greek and Cyrillic letters."""
@@ -85,23 +82,21 @@ def font(size: int) -> pygame.font.Font:
 
 
 def _font(size: int, face: _Face, rtl: bool) -> pygame.font.Font:
-    """A face at a text size, for left-to-right or right-to-left runs; cached, and opened again after pygame closed."""
-    if not pygame.font.get_init():
-        pygame.font.init()
-        _fonts.clear()
-    key = size, face, rtl
-    known = _fonts.get(key)
-    if known is not None:
-        try:
-            known.get_height()
-        except pygame.error:  # pygame was closed and opened again, which invalidates its fonts
-            _fonts.clear()
-            known = None
-    if known is None:
-        known = _fonts[key] = pygame.font.Font(str(face.path), max(round(size * EM), 1))
-        known.set_script(face.script)
-        known.set_direction(pygame.DIRECTION_RTL if rtl else pygame.DIRECTION_LTR)
-    return known
+    """A face at a text size, for left-to-right or right-to-left runs."""
+    pygame.font.init()
+    try:
+        _opened(size, face, rtl).get_height()
+    except pygame.error:  # pygame was closed, which invalidates its fonts
+        _opened.cache_clear()
+    return _opened(size, face, rtl)
+
+
+@cache
+def _opened(size: int, face: _Face, rtl: bool) -> pygame.font.Font:
+    opened = pygame.font.Font(str(face.path), max(round(size * EM), 1))
+    opened.set_script(face.script)
+    opened.set_direction(pygame.DIRECTION_RTL if rtl else pygame.DIRECTION_LTR)
+    return opened
 
 
 def printable(text: str) -> str:
@@ -119,7 +114,7 @@ def printable(text: str) -> str:
 def rendered(text: str, size: int, colour: Colour) -> pygame.Surface:
     """One antialiased line of text on a transparent surface; cached, so callers must not draw on it.
 
-    The height is that of `font(size)`, unless glyphs of another script are higher or lower.
+    The height equals the height of `font(size)`, unless glyphs of another script are higher or lower.
     """
     runs = _runs(printable(text))
     if all(face is _SANS for face, _, _ in runs):
@@ -266,12 +261,13 @@ def _face_of(character: str) -> _Face:
 
 def _has(face: _Face, character: str) -> bool:
     """Whether a face is used for a character and has a glyph for it."""
-    code = ord(character)
-    if not face.limits[0] <= code <= face.limits[1]:
+    if not face.limits[0] <= ord(character) <= face.limits[1]:
         return False
-    starts, ends = _coverage(face.file)
-    k = bisect_right(starts, code) - 1
-    return k >= 0 and code <= ends[k]
+    try:
+        return _glyphs(face).get_metrics(character)[0] is not None
+    except pygame.error:  # pygame was closed, which invalidates its fonts
+        _glyphs.cache_clear()
+        return _glyphs(face).get_metrics(character)[0] is not None
 
 
 def _levels(text: str) -> list[int]:
@@ -281,28 +277,30 @@ def _levels(text: str) -> list[int]:
         return [0] * len(text)
     base = next((int(kind != "L") for kind in kinds if kind in ("L", "R", "AL")), 0)
     sides: list[int | None] = []  # 0: left to right, 1: right to left, None: as its neighbours
+    digits = []  # whether a character is a digit, or the separator in 3.5
     strong = base
     for k, kind in enumerate(kinds):
         is_separator = kind in ("CS", "ES") and 0 < k < len(kinds) - 1 and kinds[k - 1] == kinds[k + 1] == "EN"
+        digits.append(kind in ("EN", "AN") or is_separator)
         if kind in ("L", "R", "AL"):
             strong = int(kind != "L")
             sides.append(strong)
-        elif kind in ("EN", "AN") or is_separator:  # digits, and the separator in 3.5
+        elif digits[-1]:
             sides.append(strong)
         else:
             sides.append(sides[-1] if kind == "NSM" and k else None)
-    levels = []
-    for k, (kind, side) in enumerate(zip(kinds, sides, strict=True)):
-        if side is None:  # the direction of both neighbours if these agree, otherwise the direction of the line
-            before = next((known for known in reversed(sides[:k]) if known is not None), base)
-            after = next((known for known in sides[k:] if known is not None), base)
-            side = before if before == after else base
-            levels.append(side if side else 2 * base)
-        elif kind in ("L", "R", "AL", "NSM"):
-            levels.append(side if side else 2 * base)
-        else:  # digits keep their order within right-to-left text
-            levels.append(2 if side or base else 0)
-    return levels
+
+    def latest(known: int, side: int | None) -> int:
+        return known if side is None else side
+
+    # a neutral character has the direction of both neighbours if these agree, otherwise the direction of the line
+    before = list(accumulate(sides, latest, initial=base))[1:]
+    after = list(accumulate(sides[::-1], latest, initial=base))[:0:-1]
+    resolved = [side if side == other else base for side, other in zip(before, after, strict=True)]
+    # digits keep their order within right-to-left text
+    return [
+        2 * (side | base) if is_digit else side or 2 * base for side, is_digit in zip(resolved, digits, strict=True)
+    ]
 
 
 # Font files
@@ -317,33 +315,7 @@ def _library() -> Path:
 
 
 @cache
-def _coverage(file: str) -> tuple[list[int], list[int]]:
-    """First and last characters of the ranges that a font file has glyphs for, in ascending order.
-
-    pygame does not report missing glyphs, so the table `cmap` of the OpenType format is read here. A file that does not
-    exist has no characters.
-    """
-    try:
-        with _Face(file, "").path.open("rb") as stream:
-            tables = struct.unpack(">4xH6x", stream.read(12))[0]
-            names = dict(struct.iter_unpack(">4s4xI4x", stream.read(16 * tables)))
-            stream.seek(names[b"cmap"])
-            data = stream.read(1 << 20)
-    except FileNotFoundError:
-        return [], []
-    subtables = sorted(
-        (*struct.unpack_from(">H", data, offset), offset)
-        for (offset,) in struct.iter_unpack(">4xI", data[4 : 4 + 8 * struct.unpack_from(">H", data, 2)[0]])
-    )
-    groups: list[tuple[int, int]] = []
-    for kind, offset in subtables:
-        if kind == 4:  # 16-bit ranges: the ends of all segments, a gap, and their starts
-            count = struct.unpack_from(">H", data, offset + 6)[0] // 2
-            ends = struct.unpack_from(f">{count}H", data, offset + 14)
-            groups = list(zip(struct.unpack_from(f">{count}H", data, offset + 16 + 2 * count), ends, strict=True))[:-1]
-        elif kind == 12:  # 32-bit ranges; sorted last, because it includes the ranges of format 4
-            count = struct.unpack_from(">I", data, offset + 12)[0]
-            rows = struct.iter_unpack(">3I", data[offset + 16 : offset + 16 + 12 * count])
-            groups = [(first, last) for first, last, _ in rows]
-    groups.sort()
-    return [first for first, _ in groups], [last for _, last in groups]
+def _glyphs(face: _Face) -> freetype.Font:
+    """A face for `get_metrics`, which reports missing glyphs; fonts of `pygame.font`, which shape text, do not."""
+    freetype.init()
+    return freetype.Font(str(face.path), 20)

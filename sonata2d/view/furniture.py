@@ -25,12 +25,12 @@ def draw_furniture(brush: Brush, scene: Scene) -> None:
 
 def _draw_item(brush: Brush, item: Furniture) -> None:
     """Draw a piece of furniture centred on the brush, its front ahead."""
-    depth, breadth = sorted(half_size(item))
+    length, width = half_size(item)
+    depth, breadth = sorted((length, width))
     is_round, draw = isinstance(item.shape, Disc), furniture_type(item.type).draw
     if draw is not None:
         draw(brush, depth, breadth, is_round)
     else:
-        length, width = half_size(item)
         _draw_unknown(brush, depth, breadth, is_round, item.type, has_front=length > width)
 
 

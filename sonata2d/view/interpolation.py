@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
-from ..core.geometry import Point
 from ..core.humans import BODY_X, GAZE_X, Humans, X, Y, frozen
 from ..core.portable_math import Array
 from ..core.snapshot import RobotState, Snapshot
@@ -29,10 +27,9 @@ def between(before: Snapshot, after: Snapshot, fraction: float) -> Snapshot:
         return before
     if fraction >= 1.0:
         return after
-    time = before.time + (after.time - before.time) * fraction
     return replace(
         after,
-        time=time,
+        time=before.time + (after.time - before.time) * fraction,
         humans=_humans_between(before.humans, after.humans, fraction),
         robot=_robot_between(before.robot, after.robot, fraction),
     )
@@ -66,16 +63,7 @@ def _rotated(start: Array, end: Array, fraction: float) -> Array:
 
 
 def _robot_between(before: RobotState, after: RobotState, fraction: float) -> RobotState:
-    def blend(a: Point, b: Point) -> Point:
-        return a[0] + (b[0] - a[0]) * fraction, a[1] + (b[1] - a[1]) * fraction
-
-    (ax, ay), (bx, by) = before.direction, after.direction
-    angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by) * fraction
-    c, s = math.cos(angle), math.sin(angle)
-    return replace(
-        after,
-        position=blend(before.position, after.position),
-        velocity=blend(before.velocity, after.velocity),
-        direction=(ax * c - ay * s, ax * s + ay * c),
-        omega=before.omega + (after.omega - before.omega) * fraction,
-    )
+    start, end = (np.array((*robot.position, *robot.velocity, robot.omega)) for robot in (before, after))
+    x, y, vx, vy, omega = (start + (end - start) * fraction).tolist()
+    ((dx, dy),) = _rotated(np.array([before.direction]), np.array([after.direction]), fraction).tolist()
+    return replace(after, position=(x, y), velocity=(vx, vy), direction=(dx, dy), omega=omega)

@@ -31,7 +31,7 @@ _DASHES = 48  # of the line around a personal zone
 _INTIMATE_LINE, _PERSONAL_LINE = mixed(FLOOR, INK, 0.3), mixed(FLOOR, INK, 0.22)
 _MARGIN = 0.05  # m, between the end of a link and the outline of its entity
 
-Ends = dict[int, tuple[Point, float]]  # by id: position and radius of the entities that a link can join, m
+_Ends = dict[int, tuple[Point, float]]  # by id: position and radius of the entities that a link can join, m
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,25 +225,34 @@ def _distant_pairs(members: Sequence[int], *, closed: bool) -> set[frozenset[int
     return {pair for a in members for b in members if a != b and (pair := frozenset((a, b))) not in adjacent}
 
 
-def _link_ends(snapshot: Snapshot, humans: Sequence[HumanState]) -> Ends:
+def _link_ends(snapshot: Snapshot, humans: Sequence[HumanState]) -> _Ends:
     """Position of every entity that a link can join, and the radius at which the link ends, m, by id."""
     ends = {item.id: (item.pose.position, 0.8 * min(half_size(item))) for item in snapshot.objects}
     ends |= {human.id: (human.pose.position, human.radius) for human in humans}
     return ends | {ROBOT_ID: (snapshot.robot.position, snapshot.robot.radius)}
 
 
-def _draw_link(brush: Brush, link: Interaction, ends: Ends) -> None:
-    """Draw a dotted line between the outlines of two entities; nothing if either of them is absent."""
+def _joined(brush: Brush, link: Interaction, ends: _Ends) -> tuple[Brush, float] | None:
+    """A brush in the middle of two entities, directed to the second one, and their distance, m; None if one is absent.
+
+    Entities at the same place count as absent.
+    """
     if link.src not in ends or link.dst not in ends:
-        return
-    (a, a_radius), (b, b_radius) = ends[link.src], ends[link.dst]
-    distance = math.hypot(b[0] - a[0], b[1] - a[1])
-    length = distance - a_radius - b_radius - 2 * _MARGIN
-    if length <= 0.0:
-        return
-    ux, uy = (b[0] - a[0]) / distance, (b[1] - a[1]) / distance
-    first, last = a_radius + _MARGIN, a_radius + _MARGIN + length
-    draw_link_between(brush, (a[0] + ux * first, a[1] + uy * first), (a[0] + ux * last, a[1] + uy * last))
+        return None
+    (ax, ay), (bx, by) = ends[link.src][0], ends[link.dst][0]
+    distance = math.hypot(bx - ax, by - ay)
+    if distance == 0.0:
+        return None
+    return brush.at(((ax + bx) / 2, (ay + by) / 2), ((bx - ax) / distance, (by - ay) / distance)), distance
+
+
+def _draw_link(brush: Brush, link: Interaction, ends: _Ends) -> None:
+    """Draw a dotted line between the outlines of two entities."""
+    if (joined := _joined(brush, link, ends)) is not None:
+        centre, distance = joined
+        first, last = ends[link.src][1] + _MARGIN - distance / 2, distance / 2 - ends[link.dst][1] - _MARGIN
+        if first < last:
+            draw_link_between(centre, (first, 0.0), (last, 0.0))
 
 
 def draw_link_between(brush: Brush, start: Point, end: Point) -> None:
@@ -251,26 +260,19 @@ def draw_link_between(brush: Brush, start: Point, end: Point) -> None:
     brush.dots(FAINT, start, end, 0.022, 0.1)
 
 
-def _draw_pair_space(brush: Brush, link: Interaction, ends: Ends) -> None:
+def _draw_pair_space(brush: Brush, link: Interaction, ends: _Ends) -> None:
     """Draw the space between two entities that interact, which other pedestrians and the robot should not enter.
 
     Source: A. Kendon's o-space (Conducting Interaction, 1990), as an ellipse from one entity to the other.
     """
-    if link.src not in ends or link.dst not in ends:
-        return
-    (a, _), (b, _) = ends[link.src], ends[link.dst]
-    distance = math.hypot(b[0] - a[0], b[1] - a[1])
-    if distance > 0.0:
-        direction = (b[0] - a[0]) / distance, (b[1] - a[1]) / distance
-        centre = brush.at(((a[0] + b[0]) / 2, (a[1] + b[1]) / 2), direction)
-        half_width = min(max(0.35 * distance, 0.3), 0.7)
-        draw_shared_space(centre, distance / 2, half_width)
+    if (joined := _joined(brush, link, ends)) is not None:
+        centre, distance = joined
+        draw_shared_space(centre, distance / 2, min(max(0.35 * distance, 0.3), 0.7))
 
 
 def draw_shared_space(brush: Brush, half_length: float, half_width: float) -> None:
     """Draw an ellipse along the brush's axes, darker in the middle; m."""
-    for factor in (1.0, 0.72):
-        brush.wash(PURPLE, 26, [(factor * half_length * c, factor * half_width * s) for c, s in _CIRCLE])
+    _draw_space(brush, [(half_length * c, half_width * s) for c, s in _CIRCLE])
 
 
 def _draw_group_space(brush: Brush, places: Sequence[Point]) -> None:
@@ -278,8 +280,12 @@ def _draw_group_space(brush: Brush, places: Sequence[Point]) -> None:
 
     Source: A. Kendon, Conducting Interaction, 1990.
     """
-    if len(places) < 3:
-        return
-    x, y = (sum(place[k] for place in places) / len(places) for k in (0, 1))
+    if len(places) > 2:
+        x, y = (sum(place[k] for place in places) / len(places) for k in (0, 1))
+        _draw_space(brush.at((x, y)), [(px - x, py - y) for px, py in places])
+
+
+def _draw_space(brush: Brush, outline: Sequence[Point]) -> None:
+    """Draw a polygon around the brush, darker in the middle."""
     for factor in (1.0, 0.72):
-        brush.wash(PURPLE, 26, [(x + factor * (px - x), y + factor * (py - y)) for px, py in places])
+        brush.wash(PURPLE, 26, [(factor * x, factor * y) for x, y in outline])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -44,12 +44,19 @@ TEXTS = {  # English meaning of each symbol
 }
 
 
+_VALUES = {  # in the meanings
+    "seconds": f"{MARK_INTERVAL:g}",
+    "intimate": f"{INTIMATE_DISTANCE:g}",
+    "personal": f"{PERSONAL_DISTANCE:g}",
+}
+
+
 def english(name: str, **values: object) -> str:
     """The English meaning of a symbol with its values filled in."""
     return TEXTS[name].format(**values)
 
 
-def name_of(activity: str) -> str:
+def _name_of(activity: str) -> str:
     """The key in `TEXTS` of an activity."""
     return activity.replace(" ", "_")
 
@@ -71,7 +78,7 @@ class Entry:
     name: str
     text: str
     draw: Callable[[Brush], None]
-    size: float = 2 * _RADIUS
+    size: float
 
     def draw_at(self, canvas: Canvas, centre: Point, side: int) -> None:
         """Draw the symbol with a width in pixels around a point of the canvas."""
@@ -158,51 +165,34 @@ class Legend:
 
 def _entries(
     snapshots: list[Snapshot], layers: Layers, paths: bool, time_marks: bool, wording: _Wording
-) -> Iterable[Entry]:
+) -> Iterator[Entry]:
     """The entries of all symbols in pictures of the snapshots, in the order of the rows."""
-
-    def entry(name: str, draw: Callable[[Brush], None], size: float = 2 * _RADIUS, **values: str) -> Entry:
-        return Entry(name, wording(name, **values), draw, size)
-
     scene, unmeasured = snapshots[0].scene, snapshots[0].scene.unmeasured
     present = {human.activity for snapshot in snapshots for human in snapshot.humans}
-    for activity in ACTIVITY:
-        if activity in present:
-            yield entry(name_of(activity), partial(_draw_pedestrian, activity, unmeasured))
-    if present and any(human.reacts_to_robot == 0.0 for human in scene.humans) and "robot" not in unmeasured:
-        yield entry("ignores", partial(_draw_pedestrian, "standing", unmeasured, ignores_robot=True))
-    if present and layers.gaze and "heads" not in unmeasured:
-        yield entry("gaze", _draw_view, 1.0)
-    if "robot" not in unmeasured:
-        yield entry("robot", partial(_turned, partial(draw_chassis, r=_RADIUS)))
-        if any(snapshot.contacts for snapshot in snapshots):
-            yield entry("contact", partial(_turned, partial(draw_chassis, r=_RADIUS, touches=True)))
-    if layers.goal and "goal" not in unmeasured:
-        yield entry("goal", partial(draw_target, radius=_RADIUS))
-    for name, shown, draw in (
-        ("door", scene.doors, partial(draw_door, width=0.8)),
-        ("queue", scene.queues, _draw_queue),
-        ("place", scene.places, partial(draw_place, radius=0.35)),
-    ):
-        if shown:
-            yield entry(name, draw, 0.8)
-    if paths:
-        yield entry("paths", partial(draw_path_samples, robot="robot" not in unmeasured), 0.4)
-    if time_marks and "robot" not in unmeasured:
-        yield entry("time_mark", draw_mark_sample, 0.4, seconds=f"{MARK_INTERVAL:g}")
-    has_interactions = any(snapshot.interactions for snapshot in snapshots)
-    if layers.links and has_interactions:
-        yield entry("interaction", partial(draw_link_between, start=(-0.3, 0.0), end=(0.3, 0.0)), 0.6)
-    if layers.zones and present:
-        yield entry(
-            "zones",
-            partial(draw_zones_of, r=_BODY[0], shoulder=_BODY[1]),
-            2 * (_BODY[0] + _BODY[1] + PERSONAL_DISTANCE),
-            intimate=f"{INTIMATE_DISTANCE:g}",
-            personal=f"{PERSONAL_DISTANCE:g}",
-        )
-    if layers.zones and has_interactions:
-        yield entry("shared", partial(draw_shared_space, half_length=0.5, half_width=0.35), 1.0)
+    has_robot, has_people = "robot" not in unmeasured, bool(present)
+    has_links, has_contacts = (any(getattr(s, name) for s in snapshots) for name in ("interactions", "contacts"))
+    has_ignoring = has_people and any(human.reacts_to_robot == 0.0 for human in scene.humans)
+    chassis, ignoring = partial(draw_chassis, r=_RADIUS), partial(_draw_pedestrian, ignores_robot=True)
+    zones_size = 2 * (sum(_BODY) + PERSONAL_DISTANCE)
+    rows: list[tuple[str, object, Callable[[Brush], None], float]] = [  # name, whether it is shown, symbol, its width
+        *((_name_of(a), a in present, partial(_draw_pedestrian, a, unmeasured), 2 * _RADIUS) for a in ACTIVITY),
+        ("ignores", has_ignoring and has_robot, partial(ignoring, "standing", unmeasured), 2 * _RADIUS),
+        ("gaze", layers.gaze and has_people and "heads" not in unmeasured, _draw_view, 1.0),
+        ("robot", has_robot, partial(_turned, chassis), 2 * _RADIUS),
+        ("contact", has_robot and has_contacts, partial(_turned, partial(chassis, touches=True)), 2 * _RADIUS),
+        ("goal", layers.goal and "goal" not in unmeasured, partial(draw_target, radius=_RADIUS), 2 * _RADIUS),
+        ("door", scene.doors, partial(draw_door, width=0.8), 0.8),
+        ("queue", scene.queues, _draw_queue, 0.8),
+        ("place", scene.places, partial(draw_place, radius=0.35), 0.8),
+        ("paths", paths, partial(draw_path_samples, robot=has_robot), 0.4),
+        ("time_mark", time_marks and has_robot, draw_mark_sample, 0.4),
+        ("interaction", layers.links and has_links, partial(draw_link_between, start=(-0.3, 0), end=(0.3, 0)), 0.6),
+        ("zones", layers.zones and present, partial(draw_zones_of, r=_BODY[0], shoulder=_BODY[1]), zones_size),
+        ("shared", layers.zones and has_links, partial(draw_shared_space, half_length=0.5, half_width=0.35), 1.0),
+    ]
+    for name, is_shown, draw, size in rows:
+        if is_shown:
+            yield Entry(name, wording(name, **_VALUES), draw, size)
 
 
 def _turned(draw: Callable[[Brush], None], brush: Brush) -> None:

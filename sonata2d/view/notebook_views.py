@@ -46,7 +46,7 @@ def show(
 ) -> None:
     """See `Drawable.show`."""
     drawing = drawing_of(subject)
-    still = Still.of(
+    still = Still(
         drawing.snapshots[-1],
         size=size,
         layers=layers or Layers(legend=True),
@@ -86,7 +86,7 @@ def save_sheet(subjects: Iterable[object], titles: Sequence[str], path: str | Pa
 
 def show_sheet(subjects: Iterable[object], titles: Sequence[str]) -> None:
     """See `Dataset.show`."""
-    _show_picture(_sheet(subjects, titles).picture())
+    _show_picture(_sheet(subjects, titles).pixels().content())
 
 
 def animate_sheet(subjects: Iterable[object], titles: Sequence[str]) -> None:

@@ -17,8 +17,7 @@ from .canvas import PixelCanvas
 from .draw import backdrop, camera_for, draw_ids, draw_moving_parts, draw_still_parts
 from .layers import Layers
 from .palette import OUTSIDE, Colour
-from .projection import MAX_SIDE, MIN_SIDE, Camera
-from .room import FloorPlan
+from .projection import Camera, require_drawable
 from .sprites import SpriteCache
 from .trails import Trails
 
@@ -37,7 +36,7 @@ class Painter:
     """
 
     def __init__(self, scene: Scene, *, outside: Colour = OUTSIDE, cut_zones: bool = False) -> None:
-        self._scene, self._plan, self._sprites = scene, FloorPlan.of(scene), SpriteCache()
+        self._scene, self._sprites = scene, SpriteCache()
         self._outside, self._cut_zones = outside, cut_zones
         self._room: tuple[tuple[Any, ...], pygame.Surface] | None = None
 
@@ -85,7 +84,7 @@ class Painter:
             surface.blit(self._fixed_room(camera, layers), (0, 0))
         else:
             surface.fill(self._outside)
-            draw_still_parts(brush, self._scene, grid=layers.grid, plan=self._plan)
+            draw_still_parts(brush, self._scene, grid=layers.grid)
         draw_moving_parts(brush, snapshot, layers, trails, cut_zones=self._cut_zones)
         draw_ids(canvas, camera, snapshot, layers)
         return camera
@@ -100,7 +99,7 @@ class Painter:
         return self._room[1]
 
 
-_painters: list[tuple[Scene, Painter]] = []  # most recently used last
+_painters: dict[int, Painter] = {}  # by the identity of the scene, which each painter holds
 
 
 def image_of(snapshot: Snapshot, request: ImageRequest) -> Any:
@@ -116,11 +115,7 @@ def image_of(snapshot: Snapshot, request: ImageRequest) -> Any:
         image_of(snapshot, ImageRequest(160, 120, view="follow")).shape  # (120, 160, 3)
     """
     size = request.width, request.height
-    if not all(MIN_SIDE <= side <= MAX_SIDE for side in size):
-        raise RenderError(
-            f"cannot draw an image of {request.width} x {request.height} pixels; "
-            f"a side must have {MIN_SIDE} to {MAX_SIDE} pixels"
-        )
+    require_drawable(size, 1.0)
     if request.view not in ("follow", "top"):
         raise RenderError(f"cannot draw an image with view {request.view!r}; use 'follow' or 'top'")
     fine = 2 if request.width * request.height <= _SMALL_IMAGE else 1
@@ -134,10 +129,9 @@ def image_of(snapshot: Snapshot, request: ImageRequest) -> Any:
 
 def _painter_of(scene: Scene) -> Painter:
     """The cached painter of a scene; scenes are compared by identity, because comparing values would be slow."""
-    for k, (known, painter) in enumerate(_painters):
-        if known is scene:
-            _painters.append(_painters.pop(k))
-            return painter
-    del _painters[: max(len(_painters) - _MAX_PAINTERS + 1, 0)]
-    _painters.append((scene, Painter(scene)))  # holding the scene keeps its identity unique
-    return _painters[-1][1]
+    painter = _painters.get(id(scene))
+    if painter is None:
+        if len(_painters) >= _MAX_PAINTERS:
+            _painters.pop(next(iter(_painters)))
+        painter = _painters[id(scene)] = Painter(scene)
+    return painter

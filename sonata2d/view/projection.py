@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from ..core.geometry import Point
 from ..errors import RenderError
 
-MIN_SIDE, MAX_SIDE = 16, 6000  # px; a larger picture is probably a mistake in the scale
+MIN_SIDE, _MAX_SIDE = 16, 6000  # px; a larger picture is probably a mistake in the scale
+_DOWN = 0.72  # fraction of the picture's height above an agent that is followed
 _DEFAULT_SCALE, DEFAULT_SIDE = 80.0, 1000.0  # px/m; px, the side that the default scale does not exceed
 
 
@@ -59,17 +60,11 @@ class Camera:
             available = size or (side, side)
             scale = min(available[0] / wide, available[1] / high, math.inf if size else _DEFAULT_SCALE)
         width, height = size or (math.ceil(wide * scale), math.ceil(high * scale))
-        if not 0.0 < scale < math.inf or not all(MIN_SIDE <= side <= MAX_SIDE for side in (width, height)):
-            raise RenderError(
-                f"cannot draw {width} x {height} pixels at {scale:g} pixels per metre; "
-                f"a side must have {MIN_SIDE} to {MAX_SIDE} pixels: choose another size or scale"
-            )
+        require_drawable((width, height), scale)
         return cls(scale, (x0 + x1 - width / scale) / 2, (y0 + y1 + height / scale) / 2, (width, height))
 
     @classmethod
-    def behind(
-        cls, place: Point, direction: Point, *, size: tuple[int, int], view_range: float = 5.0, down: float = 0.72
-    ) -> Camera:
+    def behind(cls, place: Point, direction: Point, *, size: tuple[int, int], view_range: float = 5.0) -> Camera:
         """View the area ahead of an agent, whose direction points up in the picture.
 
         Args:
@@ -77,17 +72,12 @@ class Camera:
             direction: unit vector, world frame.
             size: of the picture, px.
             view_range: distance from the agent to the upper edge, m.
-            down: fraction of the picture's height above the agent.
 
         Raises:
             RenderError: a side is outside 16 to 6000 px, or view_range is not a positive number.
         """
-        if not (0.0 < view_range < math.inf and all(MIN_SIDE <= side <= MAX_SIDE for side in size)):
-            raise RenderError(
-                f"cannot draw {size[0]} x {size[1]} pixels with a view range of {view_range:g} m; a side must have "
-                f"{MIN_SIDE} to {MAX_SIDE} pixels and the range must be positive: choose another size or view range"
-            )
-        scale = down * size[1] / view_range
+        scale = _DOWN * size[1] / view_range if view_range else 0.0
+        require_drawable(size, scale)
         (ux, uy), half_width = direction, size[0] / 2 / scale
         left, top = place[0] + view_range * ux - half_width * uy, place[1] + view_range * uy + half_width * ux
         return cls(scale, left, top, size, direction)
@@ -116,18 +106,30 @@ class Camera:
                 before; ignored for factors up to 1.
         """
         width, height = self.size[0] / self.scale, self.size[1] / self.scale
-        scale = self.scale * factor
-        left, top = centre[0] - width / factor / 2, centre[1] + height / factor / 2
         if factor <= 1.0:  # everything stays visible, in the middle of the picture
-            left, top = self.left + (width - width / factor) / 2, self.top - (height - height / factor) / 2
-            return Camera(scale, left, top, self.size)
+            centre = self.left + width / 2, self.top - height / 2
+        left, top = centre[0] - width / factor / 2, centre[1] + height / factor / 2
         low, high = sorted((self.left, self.left + width - width / factor))
         bottom, ceiling = sorted((self.top, self.top - height + height / factor))
-        return Camera(scale, min(max(left, low), high), min(max(top, bottom), ceiling), self.size)
+        place = min(max(left, low), high), min(max(top, bottom), ceiling)
+        return Camera(self.scale * factor, *place, self.size)
 
     def supersampled(self, factor: int) -> Camera:
         """The same view at `factor` times the width and height in pixels."""
         return Camera(self.scale * factor, self.left, self.top, (self.size[0] * factor, self.size[1] * factor), self.up)
+
+
+def require_drawable(size: tuple[int, int], scale: float) -> None:
+    """Check the size of a picture, px, and its scale, px/m.
+
+    Raises:
+        RenderError: a side is outside 16 to 6000 px, or the scale is not a positive number.
+    """
+    if not (0.0 < scale < math.inf and all(MIN_SIDE <= side <= _MAX_SIDE for side in size)):
+        raise RenderError(
+            f"cannot draw {size[0]} x {size[1]} pixels at {scale:g} pixels per metre; a side must have {MIN_SIDE} to "
+            f"{_MAX_SIDE} pixels: choose another size, scale or view range"
+        )
 
 
 def _bounds(points: Iterable[Point]) -> tuple[float, float, float, float]:

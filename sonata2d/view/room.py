@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -16,45 +16,35 @@ from .palette import FLOOR, GRID, WALL
 # Outer walls extend outward only, so that the visible edge of a wall is the line at which bodies stop.
 _WALL_WIDTH, _PARTITION_WIDTH = 0.12, 0.05  # m
 
-Line = tuple[Point, Point]
+_Line = tuple[Point, Point]
 
 
-@dataclass(frozen=True)
-class FloorPlan:
-    """The lines of a room that do not depend on the camera, m.
-
-    Attributes:
-        outline: corners of the floor; empty for a scene without an outline.
-        walls: all walls.
-        partitions: the walls inside the room.
-        grid: lines at whole metres, clipped to the floor.
-    """
-
-    outline: tuple[Point, ...]
-    walls: tuple[Line, ...]
-    partitions: tuple[Line, ...]
-    grid: tuple[Line, ...]
-
-    @classmethod
-    def of(cls, scene: Scene) -> FloorPlan:
-        """Derive the plan from a scene."""
-        walls = tuple((wall.start, wall.end) for wall in scene.walls)
-        if not scene.polygon:
-            return cls((), walls, walls, ())
-        partitions = tuple(wall for wall in walls if _is_partition(*wall, scene.outline))
-        return cls(scene.polygon, walls, partitions, tuple(_grid(scene.outline)))
-
-
-def draw_room(brush: Brush, plan: FloorPlan, *, grid: bool) -> None:
+def draw_room(brush: Brush, scene: Scene, *, grid: bool) -> None:
     """Draw walls, floor and, if `grid` is set, the grid lines."""
-    for wall in plan.walls:
+    walls = tuple((wall.start, wall.end) for wall in scene.walls)
+    partitions, lines = _floor_plan(scene.polygon, walls)
+    for wall in walls:
         brush.stroke(WALL, wall, 2 * _WALL_WIDTH)  # the floor covers the inner half
-    if plan.outline:
-        brush.polygon(FLOOR, plan.outline)
-    for line in plan.grid if grid else ():
+    if scene.polygon:
+        brush.polygon(FLOOR, scene.polygon)
+    for line in lines if grid else ():
         brush.stroke(GRID, line, 0.0)
-    for wall in plan.partitions:
+    for wall in partitions:
         brush.stroke(WALL, wall, _PARTITION_WIDTH)
+
+
+@lru_cache(maxsize=8)
+def _floor_plan(polygon: tuple[Point, ...], walls: tuple[_Line, ...]) -> tuple[tuple[_Line, ...], tuple[_Line, ...]]:
+    """The walls inside a room, and lines at whole metres, clipped to its floor; kept for the frames of a window.
+
+    Args:
+        polygon: corners of the floor, m; empty for a scene without an outline, in which all walls count as inside.
+        walls: start and end of each, m.
+    """
+    if not polygon:
+        return walls, ()
+    outline = np.array(polygon, dtype=float)
+    return tuple(wall for wall in walls if _is_partition(*wall, outline)), tuple(_grid(outline))
 
 
 def _is_partition(start: Point, end: Point, outline: Array) -> bool:
@@ -64,9 +54,9 @@ def _is_partition(start: Point, end: Point, outline: Array) -> bool:
     return float(edges.gaps(middle).min()) > 1e-3
 
 
-def _grid(outline: Array) -> list[Line]:
+def _grid(outline: Array) -> list[_Line]:
     """Lines at whole metres inside a polygon, (V, 2)."""
-    lines: list[Line] = []
+    lines: list[_Line] = []
     for axis in (0, 1):
         across, along = outline[:, axis], outline[:, 1 - axis]
         for at in range(math.ceil(across.min()), math.floor(across.max()) + 1):

@@ -9,9 +9,7 @@ from functools import partial
 from typing import Any
 from xml.etree import ElementTree
 
-import numpy as np
-
-from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, obstacle_clearance, touched_kind
+from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearance, obstacle_clearance, touched_kind
 from ..core.relations import ACTIVITIES, ACTIVITY
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
@@ -140,7 +138,7 @@ def state_data(snapshot: Snapshot) -> dict[str, Any]:
         "people": _human_rows(snapshot),
         "links": [(link.src, link.dst) for link in visible_interactions(snapshot)],
         "touches": touched_kind(snapshot),
-        "clearance": _number(_clearance(snapshot)),
+        "clearance": _number(clearance(snapshot)),
     }
 
 
@@ -198,12 +196,6 @@ def _human_rows(snapshot: Snapshot) -> list[list[float | None] | None]:
         numbers = (human.pose.x, human.pose.y, human.pose.theta, human.head, math.hypot(*human.velocity))
         rows[k] = [*map(_number, numbers), activity]
     return rows
-
-
-def _clearance(snapshot: Snapshot) -> float:
-    """Gap between the robot and the nearest pedestrian, m; infinite without pedestrians."""
-    gaps = clearances(snapshot)
-    return float(gaps[np.isfinite(gaps)].min(initial=math.inf))
 
 
 def _number(value: float) -> float | None:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import pygame
 
@@ -32,66 +35,35 @@ from .projection import Camera
 from .svg import SvgCanvas
 from .trails import Trails
 
-MOMENT_SIDE = 480  # px, longer side of a moment on a page, which browsers make smaller
+_MOMENT_SIDE = 480  # px, longer side of a moment on a page, which browsers make smaller
 
 
-def picture(
-    snapshot: Snapshot,
-    *,
-    size: tuple[int, int] | None = None,
-    scale: float | None = None,
-    layers: Layers | None = None,
-    trails: Trails | None = None,
-    caption: str | None = None,
-    outcome: str | None = None,
-    camera: Camera | None = None,
-    room: pygame.Surface | None = None,
-) -> pygame.Surface:
+def picture(snapshot: Snapshot, **options: Any) -> pygame.Surface:
     """Draw a snapshot.
 
     The picture is a function of its arguments and needs no display. It is drawn at a multiple of its size and then made
     smaller, which smooths all edges.
 
     Args:
-        size: width and height, caption and legend included, px.
-        scale: pixels per metre, if no size is given; by default 80, less for a large room.
-        layers: what to show; by default `Layers()`. A legend that would take more than a quarter of a given size is
-            left out.
-        trails: past paths of robot and pedestrians.
-        caption: text below the picture; by default scenario, seed, episode and time.
-        outcome: how the episode ended; added to the default caption.
-        camera: replaces the one that fits size and scale.
-        room: `backdrop` of the same scene, camera and layers, which is then not drawn again; it is not modified.
+        options: attributes of `Still`: `view`, `size`, `scale`, `layers`, `trails`, `caption`, `outcome`.
 
     Raises:
         RenderError: a side of the picture would be outside 16 to 6000 px.
+
+    Example:
+        picture(snapshot, size=(800, 600), layers=Layers(zones=True))
     """
-    still = Still.of(
-        snapshot, size=size, scale=scale, layers=layers, trails=trails, caption=caption, outcome=outcome, camera=camera
-    )
-    return still.pixels(room).surface
+    return Still(snapshot, **options).pixels().surface
 
 
 def save_moment(
-    path: str | Path,
-    snapshot: Snapshot,
-    *,
-    view: View = "top",
-    size: tuple[int, int] | None = (1280, 800),
-    scale: float | None = None,
-    layers: Layers | None = None,
-    trails: Trails | None = None,
-    caption: str | None = None,
-    outcome: str | None = None,
+    path: str | Path, snapshot: Snapshot, *, size: tuple[int, int] | None = (1280, 800), **options: Any
 ) -> None:
     """Write one snapshot as `.png` or `.svg`, selected by the suffix.
 
     Args:
-        view: `top`, the whole room; or `follow`, from behind the robot, whose direction points up in the picture; the
-            whole room if the robot was not recorded.
-        size: width and height, caption and legend included, px; None to use `scale` (only for `top`).
-        scale: pixels per metre of the whole room, if no size is given.
-        layers, trails, caption, outcome: as for `picture`.
+        size: width and height, caption and legend included, px; None to use `scale` (only for the view `top`).
+        options: other attributes of `Still`.
 
     Raises:
         RenderError: the suffix is another one, the size is out of range, or the file cannot be written.
@@ -99,68 +71,59 @@ def save_moment(
     suffix = location(path).suffix.lower()
     if suffix not in (".png", ".svg"):
         raise RenderError(f"{path}: a snapshot is written as PNG or SVG; end the name in .png or .svg")
-    still = Still.of(
-        snapshot, view=view, size=size, scale=scale, layers=layers, trails=trails, caption=caption, outcome=outcome
-    )
-    write_file(path, still.drawn(vectors=suffix == ".svg").content())
+    still = Still(snapshot, size=size, **options)
+    write_file(path, (still.vectors() if suffix == ".svg" else still.pixels()).content())
 
 
 @dataclass(frozen=True)
 class Still:
-    """A picture of a snapshot that is not drawn yet.
+    """A picture of a snapshot, drawn as pixels or as vectors.
 
     Attributes:
-        legend: of the picture; without entries if it has none.
-        snapshot, layers, trails, caption, outcome, camera: as for `picture`.
+        view: `top`, the whole room; or `follow`, from behind the robot, whose direction points up in the picture; the
+            whole room if the robot was not recorded.
+        size: width and height, caption and legend included, px.
+        scale: pixels per metre of the whole room, if no size is given; by default 80, less for a large room.
+        layers: what to show. A legend that would take more than a quarter of a given size is left out.
+        trails: past paths of robot and pedestrians.
+        caption: text below the picture; by default scenario, seed, episode and time.
+        outcome: how the episode ended; added to the default caption.
     """
 
     snapshot: Snapshot
-    camera: Camera
-    layers: Layers
-    legend: Legend
-    trails: Trails | None
-    caption: str | None
-    outcome: str | None
+    view: View = "top"
+    size: tuple[int, int] | None = None
+    scale: float | None = None
+    layers: Layers = field(default_factory=Layers)
+    trails: Trails | None = None
+    caption: str | None = None
+    outcome: str | None = None
 
-    @classmethod
-    def of(
-        cls,
-        snapshot: Snapshot,
-        *,
-        view: View = "top",
-        size: tuple[int, int] | None = None,
-        scale: float | None = None,
-        layers: Layers | None = None,
-        trails: Trails | None = None,
-        caption: str | None = None,
-        outcome: str | None = None,
-        camera: Camera | None = None,
-    ) -> Still:
-        """Choose camera and legend of a picture; arguments as for `picture` and `save_moment`.
+    @cached_property
+    def legend(self) -> Legend:
+        """The legend; without entries if there is none."""
+        marks = self.trails is not None and self.trails.has_marks
+        legend = Legend.of([self.snapshot], self.layers, paths=self.trails is not None, time_marks=marks)
+        return legend.fitting(self.size)
+
+    @cached_property
+    def camera(self) -> Camera:
+        """The view on the world above caption and legend.
 
         Raises:
             RenderError: a side of the picture would be outside 16 to 6000 px.
         """
-        layers, scene = layers or Layers(), snapshot.scene
-        marks = trails is not None and trails.has_marks
-        legend = Legend.of([snapshot], layers, paths=trails is not None, time_marks=marks).fitting(size)
-        below = layers.strip + legend.height(size[0]) if size else 0
-        if camera is None and (view == "top" or "robot" in scene.unmeasured):
-            camera = camera_for(scene, size=size, scale=scale, below=below)
-        elif camera is None:
-            if size is None:
-                raise RenderError("a picture from behind the robot needs a size; give width and height in pixels")
-            robot = snapshot.robot
-            camera = Camera.behind(robot.position, robot.direction, size=(size[0], size[1] - below))
-        return cls(snapshot, camera, layers, legend, trails, caption, outcome)
+        scene, size, robot = self.snapshot.scene, self.size, self.snapshot.robot
+        below = self.layers.strip + self.legend.height(size[0]) if size else 0
+        if self.view == "top" or "robot" in scene.unmeasured:
+            return camera_for(scene, size=size, scale=self.scale, below=below)
+        if size is None:
+            raise RenderError("a picture from behind the robot needs a size; give width and height in pixels")
+        return Camera.behind(robot.position, robot.direction, size=(size[0], size[1] - below))
 
-    def drawn(self, *, vectors: bool) -> Picture:
-        """Draw the picture as vectors or as pixels."""
-        return self.vectors() if vectors else self.pixels()
-
-    def pixels(self, room: pygame.Surface | None = None) -> PixelCanvas:
-        """Draw the picture; `room` as for `picture`."""
-        surface = room.copy() if room is not None else backdrop(self.snapshot.scene, self.camera, self.layers)
+    def pixels(self) -> PixelCanvas:
+        """Draw the picture as pixels."""
+        surface = backdrop(self.snapshot.scene, self.camera, self.layers)
         draw_on_backdrop(surface, self.camera, self.snapshot, self.layers, self.trails)
         canvas = PixelCanvas.blank(self._size)
         pygame.transform.smoothscale(surface, self.camera.size, canvas.surface.subsurface((0, 0, *self.camera.size)))
@@ -190,15 +153,14 @@ class Still:
         self.legend.draw(canvas, self.camera.size[1] + self.layers.strip, self.camera.size[0])
 
 
-def filmstrip(snapshots: Sequence[Snapshot], indices: Sequence[int], *, layers: Layers | None = None) -> list[str]:
+def filmstrip(snapshots: Sequence[Snapshot], indices: Sequence[int]) -> list[str]:
     """Draw moments of an episode for a page, each with the paths up to it.
 
-    The pictures show the whole room, and are transparent outside.
+    The pictures show the whole room, without caption and legend, and are transparent outside.
 
     Args:
         snapshots: of one episode, in order.
         indices: of the snapshots to draw.
-        layers: what to show; caption and legend are never drawn.
 
     Returns:
         A data URL per index, each a PNG of the same size.
@@ -210,8 +172,8 @@ def filmstrip(snapshots: Sequence[Snapshot], indices: Sequence[int], *, layers: 
         raise RenderError(
             f"cannot show snapshots {[*indices]} of {len(snapshots)}; ask for some of 0..{len(snapshots) - 1}"
         )
-    layers, scene = layers or Layers(), snapshots[0].scene
-    camera = camera_for(scene, side=MOMENT_SIDE)
+    layers, scene = Layers(), snapshots[0].scene
+    camera = camera_for(scene, side=_MOMENT_SIDE)
     room = backdrop(scene, camera, layers, outside=None, fine=QUICK)
     urls = []
     for k in indices:
@@ -239,8 +201,19 @@ def write_file(path: str | Path, content: bytes) -> None:
     Raises:
         RenderError: the file cannot be written.
     """
+    with written(path) as temporary:
+        temporary.write_bytes(content)
+
+
+@contextmanager
+def written(path: str | Path) -> Iterator[Path]:
+    """Yield a path to write to, which becomes the file, whole or not at all.
+
+    Raises:
+        RenderError: the file cannot be written.
+    """
     try:
         with whole_file(path) as temporary:
-            temporary.write_bytes(content)
+            yield temporary
     except OSError as error:
         raise RenderError(f"cannot write {path}: {error.strerror or error}") from error

@@ -38,22 +38,15 @@ class Trails:
     @classmethod
     def of(cls, snapshots: Iterable[Snapshot], *, is_tail: bool = False) -> Trails:
         """Collect the positions from the snapshots of one episode."""
-        rows = [
-            (s.time, s.robot.position, s.humans.expand(s.humans.position, len(s.scene.humans), np.nan))
-            for s in snapshots
-        ]
-        count = len(rows[0][2]) if rows else 0
+        snapshots = [*snapshots]
+        count = len(snapshots[0].scene.humans) if snapshots else 0
+        humans = [s.humans.expand(s.humans.position, count, np.nan) for s in snapshots]
         return cls(
-            np.array([time for time, _, _ in rows], dtype=float),
-            np.array([robot for _, robot, _ in rows], dtype=float).reshape(len(rows), 2),
-            np.array([humans for _, _, humans in rows], dtype=float).reshape(len(rows), count, 2),
+            np.array([s.time for s in snapshots], dtype=float),
+            np.array([s.robot.position for s in snapshots], dtype=float).reshape(len(snapshots), 2),
+            np.array(humans, dtype=float).reshape(len(snapshots), count, 2),
             is_tail,
         )
-
-    @property
-    def span(self) -> tuple[float, float] | None:
-        """First and last time, s; None without positions."""
-        return (float(self.time[0]), float(self.time[-1])) if len(self.time) else None
 
     @property
     def has_marks(self) -> bool:
@@ -105,7 +98,7 @@ def draw_mark_sample(brush: Brush) -> None:
 def draw_path_samples(brush: Brush, *, robot: bool) -> None:
     """Draw pieces of paths, 0.4 m long, around the brush: the robot's, if it is to be drawn, above two others.
 
-    The widths are those of paths at a common scale, so that they can be recognised.
+    The widths equal the widths of paths at a common scale, so that they can be recognised.
     """
     across = (0.12, 0.0, -0.12) if robot else (0.08, -0.08)
     samples = [*([(_ROBOT_TONES, 0.07)] if robot else []), *((human_tones(n), 0.035) for n in (0, 1))]

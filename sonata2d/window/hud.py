@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
-import numpy as np
 import pygame
 
 from ..collect.texts import text
 from ..core.furniture_types import METAL
 from ..core.geometry import Point
-from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearances, touched_kind
+from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearance, touched_kind
 from ..core.snapshot import Snapshot
 from ..view.canvas import PixelCanvas, put
 from ..view.fonts import shortened, width_of
@@ -85,13 +84,13 @@ class _Pen:
         """Distance between plates, px."""
         return self.px(_GAP)
 
-    def width(self, line: str, size: float = _TEXT) -> int:
+    def width(self, line: str) -> int:
         """Width of a line, px."""
-        return width_of(line, self.px(size))
+        return width_of(line, self.px(_TEXT))
 
-    def fitted(self, line: str, max_width: float, size: float = _TEXT) -> str:
+    def fitted(self, line: str, max_width: float) -> str:
         """The line, shortened to a width in pixels."""
-        return shortened(line, max_width, self.px(size))
+        return shortened(line, max_width, self.px(_TEXT))
 
     def write(
         self, line: str, place: Point, *, colour: Colour = INK, size: float = _TEXT, anchor: str = "midleft"
@@ -103,7 +102,7 @@ class _Pen:
         """Draw a translucent plate with round corners."""
         put(self.surface, _plate_image(box.size, self.px(7), colour, alpha), *box.topleft)
 
-    def panel(self, line: str, place: Point, anchor: str, *, max_width: float, colour: Colour = INK) -> pygame.Rect:
+    def panel(self, line: str, place: Point, anchor: str, *, max_width: float) -> pygame.Rect:
         """Write a line on a plate, shortened to `max_width` pixels; returns an empty box if nothing fits."""
         padding = self.px(_PADDING)
         line = self.fitted(line, max_width - 2 * padding)
@@ -111,7 +110,7 @@ class _Pen:
         setattr(box, anchor, (round(place[0]), round(place[1])))
         if line:
             self.plate(box)
-            self.write(line, (box.left + padding, box.centery), colour=colour)
+            self.write(line, (box.left + padding, box.centery))
         return box
 
     def sign(self, kind: str, centre: Point, radius: float, colour: Colour) -> None:
@@ -318,41 +317,26 @@ def _draw_gauges(pen: _Pen, snapshot: Snapshot, box: pygame.Rect) -> None:
 
 
 def _draw_clearance(pen: _Pen, snapshot: Snapshot, place: tuple[int, int], right: int) -> None:
-    """Write the contact of the robot, or the distance to the nearest pedestrian with the sign of its zone."""
-    words = _clearance_words(snapshot)
-    nearest = _nearest(snapshot)
-    sign, colour = zone_of(-math.inf if snapshot.contacts else nearest)
-    if nearest == math.inf and not snapshot.contacts:
-        pen.write(pen.fitted(words, right - place[0]), place, colour=FAINT)
+    """Write the contact of the robot, or the distance to the nearest pedestrian, with the sign of its zone."""
+    touched, nearest = touched_kind(snapshot), clearance(snapshot)
+    if touched is None and nearest == math.inf:
+        pen.write(pen.fitted(text("readings.nobody"), right - place[0]), place, colour=FAINT)
         return
+    words = text("readings.nearest", distance=f"{max(nearest, 0.0):.1f}")
+    if touched is not None:
+        words, nearest = text(f"readings.touching_{touched}"), -math.inf
+    sign, colour = zone_of(nearest)
     radius = pen.px(7)
     pen.sign(sign, (place[0] + radius, place[1]), radius, colour)
     left = place[0] + 3 * radius
     pen.write(pen.fitted(words, right - left), (left, place[1]), colour=colour)
 
 
-def _clearance_words(snapshot: Snapshot) -> str:
-    """The contact of the robot, pedestrians first, or the distance to the nearest pedestrian, in words."""
-    kind = touched_kind(snapshot)
-    if kind is not None:
-        return text(f"readings.touching_{kind}")
-    nearest = _nearest(snapshot)
-    if nearest == math.inf:
-        return text("readings.nobody")
-    return text("readings.nearest", distance=f"{max(nearest, 0.0):.1f}")
-
-
-def _nearest(snapshot: Snapshot) -> float:
-    """Gap between the robot and the nearest pedestrian, m; infinite without pedestrians."""
-    gaps = clearances(snapshot)
-    return float(gaps[np.isfinite(gaps)].min(initial=math.inf))
-
-
-def zone_of(clearance: float) -> tuple[str, Colour]:
-    """Sign and colour of Hall's zone at a clearance, m: intimate, personal, or beyond both."""
-    if clearance < INTIMATE_DISTANCE:
+def zone_of(gap: float) -> tuple[str, Colour]:
+    """Sign and colour of Hall's zone at a gap between outlines, m: intimate, personal, or beyond both."""
+    if gap < INTIMATE_DISTANCE:
         return "diamond", _RED
-    if clearance < PERSONAL_DISTANCE:
+    if gap < PERSONAL_DISTANCE:
         return "triangle", _AMBER
     return "ring", shaded(GOAL, 0.3)
 

@@ -22,7 +22,6 @@ class Player:
     Args:
         record: the run.
         speed: seconds of the run per second of real time.
-        playing: whether playback starts at once.
         speeds: speeds that `faster` and `slower` step through.
 
     Attributes:
@@ -31,20 +30,16 @@ class Player:
         watched: whether the run was played to its end without a gap.
         last: index of the final snapshot, T.
         dt: time between snapshots, s.
-        length: duration of the run, s.
 
     Raises:
         ValueError: the speed is not positive.
     """
 
-    def __init__(
-        self, record: EpisodeRecord, *, speed: float = 1.0, playing: bool = True, speeds: tuple[float, ...] = _SPEEDS
-    ) -> None:
+    def __init__(self, record: EpisodeRecord, *, speed: float = 1.0, speeds: tuple[float, ...] = _SPEEDS) -> None:
         if not speed > 0.0:
             raise ValueError(f"speed is {speed}; it must be a number above 0")
-        self.record, self.speed, self.playing = record, speed, playing
+        self.record, self.speed, self.playing = record, speed, True
         self.last, self.dt, self.watched = len(record), record.scene().rules.dt, False
-        self.length = self.last * self.dt
         self._speeds = speeds
         self._position = 0.0  # in ticks, 0 to T
         self._seen = 0.0  # up to here the run was played from the start without a gap, ticks
@@ -54,11 +49,6 @@ class Player:
     def index(self) -> int:
         """Index of the snapshot reached last, 0 to T."""
         return int(self._position)
-
-    @property
-    def time(self) -> float:
-        """Time since the start of the run, s."""
-        return self._position * self.dt
 
     @property
     def fraction(self) -> float:
@@ -92,7 +82,7 @@ class Player:
     @property
     def time_text(self) -> str:
         """Position, length and speed of the playback as text."""
-        time, length = f"{self.time:.1f}", f"{self.length:.1f}"
+        time, length = f"{self._position * self.dt:.1f}", f"{self.last * self.dt:.1f}"
         return text("player.time", time=time, length=length, speed=f"{self.speed:g}")
 
     def advance(self, seconds: float) -> None:
