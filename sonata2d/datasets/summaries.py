@@ -121,7 +121,7 @@ def commands_warning(rows: Iterable[Mapping[str, Any]], name: str) -> str | None
 
 
 @dataclass(frozen=True, slots=True)
-class Totals:
+class _Totals:
     """Sums over the rows of a manifest, which are read once.
 
     Attributes:
@@ -137,7 +137,7 @@ class Totals:
     excess: list[ExcessiveCommands]
 
 
-def totals_of(rows: Iterable[Mapping[str, Any]]) -> Totals:
+def totals_of(rows: Iterable[Mapping[str, Any]]) -> _Totals:
     """Sums over the files in a manifest.
 
     Args:
@@ -172,7 +172,7 @@ def totals_of(rows: Iterable[Mapping[str, Any]]) -> Totals:
             share = number / max(counted["commands_beyond_limits"][1], 1)
             share = max(round(share, 4), 0.0001)  # as precise as it is shown; what exists is never 0
             commands_beyond.append(ExcessiveCommands(component, number, share, command, limit))
-    return Totals(episodes, frames, size, summary, commands_beyond)
+    return _Totals(episodes, frames, size, summary, commands_beyond)
 
 
 def contact_summary(rows: Iterable[Mapping[str, Any]]) -> ContactSummary:

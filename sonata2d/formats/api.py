@@ -147,7 +147,7 @@ def export_to(
     refused; the others are still written.
 
     Args:
-        source: an episode file, a folder of them, or a data set, such as those that `Dataset.filter` returns.
+        source: an episode file, a folder of them, or a data set, such as `Dataset.filter` returns.
         format: name of the format, see `registry.FORMATS`.
         out: a folder; for a single episode file that becomes a single file, a path that ends with the suffix of the
             format is the name of the file.

@@ -24,8 +24,8 @@ from typing import Any
 import orjson
 
 from ..core.files.locations import file_names, make_folder
+from ..core.files.optional import optional
 from ..core.files.whole_file import whole_file
-from ..core.relations import ACTIVITIES
 from ..core.wording import one_line
 from ..errors import RecordError
 from ..record.files import write_atomically
@@ -41,8 +41,8 @@ _JOINED = 64  # tables of episodes that are joined at a time
 
 
 @dataclass(frozen=True, slots=True)
-class PackedEpisode:
-    """The rows of one episode.
+class _PackedEpisode:
+    """The rows of an episode, as workers send them.
 
     Attributes:
         path: of its file, for messages.
@@ -55,7 +55,7 @@ class PackedEpisode:
     tables: dict[str, bytes]
 
 
-def pack(record: EpisodeRecord, key: str) -> PackedEpisode:
+def pack(record: EpisodeRecord, key: str) -> _PackedEpisode:
     """The rows of an episode.
 
     Args:
@@ -72,10 +72,10 @@ def pack(record: EpisodeRecord, key: str) -> PackedEpisode:
         with pa.ipc.new_stream(sink, schemas[name]) as writer:
             writer.write_table(pa.table(columns, schema=schemas[name]))
         tables[name] = sink.getvalue().to_pybytes()
-    return PackedEpisode(record.path, key, tables)
+    return _PackedEpisode(record.path, key, tables)
 
 
-def export_all(episodes: Iterator[PackedEpisode], out: Path) -> list[Path]:
+def export_all(episodes: Iterator[_PackedEpisode], out: Path) -> list[Path]:
     """Write the tables of all episodes into a folder; only a few episodes are held in memory.
 
     Args:
@@ -95,7 +95,7 @@ def export_all(episodes: Iterator[PackedEpisode], out: Path) -> list[Path]:
     return [*files, _write_readme(out, is_in_parts=False)]
 
 
-def export_part(episodes: Iterator[PackedEpisode], out: Path, number: int) -> list[Path]:
+def export_part(episodes: Iterator[_PackedEpisode], out: Path, number: int) -> list[Path]:
     """Write the tables of some episodes into files of their own, such as `agents-00007.parquet`.
 
     Args:
@@ -139,7 +139,7 @@ def _remove_parts(out: Path, first: int) -> None:
             (out / file).unlink(missing_ok=True)
 
 
-def _write_tables(episodes: Iterator[PackedEpisode], out: Path, files: dict[str, Path]) -> list[Path]:
+def _write_tables(episodes: Iterator[_PackedEpisode], out: Path, files: dict[str, Path]) -> list[Path]:
     """Write the tables of episodes into the given files, by name; all of them, or none."""
     pa, pq = _pyarrow()
     schemas = _schemas(pa)
@@ -159,12 +159,6 @@ def _write_tables(episodes: Iterator[PackedEpisode], out: Path, files: dict[str,
     return [*files.values()]
 
 
-def _write_readme(out: Path, *, is_in_parts: bool) -> Path:
-    path = out / "README.md"
-    write_atomically(path, _readme(is_in_parts).encode())
-    return path
-
-
 @contextmanager
 def _closing(writer: Any) -> Iterator[Any]:
     """Close a ParquetWriter at the end of the block; after an error it must not write again when it is collected."""
@@ -175,7 +169,7 @@ def _closing(writer: Any) -> Iterator[Any]:
         writer.is_open = False
 
 
-def _write_all(pa: Any, episodes: Iterator[PackedEpisode], writers: dict[str, Any]) -> None:
+def _write_all(pa: Any, episodes: Iterator[_PackedEpisode], writers: dict[str, Any]) -> None:
     """Write the rows of each episode, in row groups of about 100 000 rows or 16 MB."""
     waiting: dict[str, list[Any]] = {name: [] for name in TABLES}
     names: set[bytes] = set()  # 8 bytes of each, as there may be millions
@@ -206,12 +200,7 @@ def _pyarrow() -> tuple[Any, Any]:
     Raises:
         RecordError: pyarrow is not installed; names the package to install.
     """
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    except ImportError as error:
-        raise RecordError(f"{NAME} needs pyarrow: pip install 'sonata2d[parquet]'") from error
-    return pa, pq
+    return optional("pyarrow", RecordError), optional("pyarrow.parquet", RecordError)
 
 
 def _schemas(pa: Any) -> dict[str, Any]:
@@ -239,12 +228,14 @@ def _schemas(pa: Any) -> dict[str, Any]:
     return {name: pa.schema(list(columns.items())) for name, columns in tables.items()}
 
 
-def _readme(is_in_parts: bool) -> str:
-    """README.md of the folder; the description of the tables is the table of this module's docstring."""
+def _write_readme(out: Path, *, is_in_parts: bool) -> Path:
+    """Write README.md; its description of the tables is the table of this module's docstring."""
     ending = "-*.parquet" if is_in_parts else ".parquet"
     configs = "".join(f'- config_name: {name}\n  data_files: "{name}{ending}"\n' for name in TABLES)
     description = [line for line in (__doc__ or "").splitlines() if line.startswith("|")]
-    return "\n".join([f"---\nconfigs:\n{configs}---", "# Episodes of sonata2d as tables", "", *description, ""])
+    lines = [f"---\nconfigs:\n{configs}---", "# Episodes of sonata2d as tables", "", *description, ""]
+    write_atomically(out / "README.md", "\n".join(lines).encode())
+    return out / "README.md"
 
 
 def import_(path: Path, options: Options) -> Iterator[JsonDict]:
@@ -309,14 +300,13 @@ def _document(
 ) -> JsonDict:
     """The document, with keys in the order of the recorder."""
     header = orjson.loads(episode["header"])
-    activities = header.get("activities", list(ACTIVITIES))
     column = {human["id"]: k for k, human in enumerate(header["humans"])}
     humans: dict[int, list[Any]] = {row["tick"]: [None] * len(column) for row in frames}
     activity = {row["tick"]: [ABSENT] * len(column) for row in frames}
     edges: dict[int, list[Any]] = {row["tick"]: [] for row in frames}
     for row in agents:
         humans[row["tick"]][column[row["human_id"]]] = [row[key] for key in HUMAN_NAMES]
-        activity[row["tick"]][column[row["human_id"]]] = activities.index(row["activity"])
+        activity[row["tick"]][column[row["human_id"]]] = header["activities"].index(row["activity"])
     for row in interactions:
         edges[row["tick"]].append([row["src"], row["relation"], row["dst"]])
     states = [_frame(row, humans[row["tick"]], activity[row["tick"]], edges[row["tick"]]) for row in frames]

@@ -78,8 +78,8 @@ def page_of(
     """
     shown = page_metrics() if metrics is None else metrics
     strips = []
-    for evaluation, its_files in zip(evaluations, files, strict=True) if files else ():
-        strips.append(_film_strips(evaluation.episodes, its_files))
+    for evaluation, evaluation_files in zip(evaluations, files, strict=True) if files else ():
+        strips.append(_film_strips(evaluation.episodes, evaluation_files))
         advance(1)
     kinds = outcome_kinds(evaluations)
     constants = {metric: constant_of(evaluations, metric) for metric in shown}
@@ -280,8 +280,8 @@ def _strip(title: str, why: str, episode: Measured, file: Path) -> dict[str, Any
 def _event(trajectory: Trajectory) -> tuple[int | None, str]:
     """Index and description of the most informative state.
 
-    This is the first collision, those caused by the robot and those with humans first; without collisions the state
-    of the smallest clearance to a human; None without humans.
+    This is the first collision: of collisions caused by the robot, else with humans, else of any. Without collisions it
+    is the state of the smallest clearance to a human; None without humans.
     """
     if trajectory.collisions:
         first = min(trajectory.collisions, key=lambda c: (not c.robot_at_fault, c.kind != "human", c.first))

@@ -19,7 +19,7 @@ from sonata2d.core.labels import LabelSpec
 from sonata2d.core.scene import Rules
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.core.vectors import wrap_angle
-from sonata2d.datasets import check_episode, verify
+from sonata2d.datasets import verify
 from sonata2d.datasets.check.replay import branch, check_replay, check_rerun
 from sonata2d.datasets.transforms.mirror import (
     flipped_angle,
@@ -95,7 +95,7 @@ def test_doors_queues_places_and_seats_are_mirrored(tmp_path: Path) -> None:
         assert b.front == pytest.approx((a.front[0], -a.front[1]), abs=1e-4)
     path = tmp_path / "image.json"
     mirror_file(tmp_path / "one.json", path)
-    assert check_episode(path) == check_replay(path) == []
+    assert verify(path) == check_replay(path) == []
 
 
 def test_left_and_right_of_the_robot_are_swapped(odd: EpisodeRecord, generated: EpisodeRecord) -> None:
@@ -152,7 +152,7 @@ def test_an_image_names_its_original_and_passes_all_checks(tmp_path: Path, gener
     image = mirror_file(generated.path, path)
     assert image.id == "000000-mirror"
     assert image.document["mirrored_from"]["id"] == "000000"
-    assert check_episode(path) == []
+    assert verify(path) == []
     assert check_replay(path) == []
     assert check_rerun(path) == []
     assert read_episode(path).document == image.document
@@ -277,7 +277,7 @@ def test_tracks_goals_and_velocities_of_passing_humans_are_mirrored(tmp_path: Pa
     assert serialise(mirrored(image).document) == serialise(record.document)
     mirror_file(tmp_path / "one.json", tmp_path / "one-mirror.json")
     assert check_replay(tmp_path / "one-mirror.json") == []
-    assert check_episode(tmp_path / "one-mirror.json") == []
+    assert verify(tmp_path / "one-mirror.json") == []
 
 
 @pytest.mark.parametrize("twist", [[0.5, 0.1, -0.3], [0.0, 0.0, 0.0], [1, 0, -2], [-0.25, 0.0001, 0.0]])

@@ -13,7 +13,7 @@ import sonata2d as s2
 from sonata2d.core.entities import Limits, Robot
 from sonata2d.core.geometry import Pose
 from sonata2d.core.snapshot import Contact
-from sonata2d.datasets import check_dataset, generate_dataset, merge_datasets, mirror_dataset
+from sonata2d.datasets import generate_dataset, merge_datasets, mirror_dataset, verify
 from sonata2d.datasets.card.text import card_text
 from sonata2d.datasets.manifest import read_manifest, write_json
 from sonata2d.datasets.summaries import contact_summary, excessive_commands
@@ -84,7 +84,7 @@ def test_the_manifest_counts_the_contacts_that_the_metrics_see(careless: Path) -
 def test_mirrored_merged_and_resumed_data_sets_carry_the_counts(careless: Path, tmp_path: Path) -> None:
     mirror_dataset(careless, tmp_path / "image")
     merge_datasets([careless, tmp_path / "image"], tmp_path / "both")
-    assert check_dataset(tmp_path / "both") == []
+    assert verify(tmp_path / "both") == []
     counts = [row["contacts"] for row in rows(careless)]
     assert [row["contacts"] for row in rows(tmp_path / "both")] == counts + counts
     generate_dataset(tmp_path / "grown", CROWDED, f"{__name__}:Careless", episodes=2, seed=1)
@@ -108,7 +108,7 @@ def test_manifests_without_counts_are_read_and_say_so(careless: Path, tmp_path: 
     for row in manifest["files"]:
         del row["contacts"], row["commands_beyond_limits"]
     write_json(tmp_path / "old/manifest.json", manifest)
-    assert check_dataset(tmp_path / "old") == []
+    assert verify(tmp_path / "old") == []
     assert contact_summary(rows(tmp_path / "old")).rows() == [("contacts", "not counted in 2 episodes")]
     assert "whose contacts were not counted: 2." in card_text(read_manifest(tmp_path / "old"))
 
@@ -118,7 +118,7 @@ def test_a_changed_count_is_found_by_the_check(careless: Path, tmp_path: Path) -
     manifest = json.loads((tmp_path / "image/manifest.json").read_text())
     manifest["files"][0]["contacts"]["any"]["frames"] += 1
     write_json(tmp_path / "image/manifest.json", manifest)
-    assert [problem.place for problem in check_dataset(tmp_path / "image")] == ["contacts"]
+    assert [problem.place for problem in verify(tmp_path / "image")] == ["contacts"]
 
 
 def test_commands_beyond_the_limits_are_counted_by_component() -> None:

@@ -15,7 +15,7 @@ import pytest
 import sonata2d as s2
 from sonata2d.core.geometry import Disc, Pose, Rectangle, inside_polygon
 from sonata2d.core.vectors import wrap_angle
-from sonata2d.datasets import check_episode
+from sonata2d.datasets import verify
 from sonata2d.datasets.check.replay import check_replay
 from sonata2d.errors import RecordError
 from sonata2d.formats import occupancy, socnav3
@@ -317,7 +317,7 @@ def test_foreign_file_becomes_an_episode_that_lists_missing_values(tmp_path: Pat
         origin["lacks"]
     )
     assert {"frames.humans.velocity", "humans.id"} <= set(origin["derived"])
-    assert check_episode(path) == []
+    assert verify(path) == []
     assert [problem.place for problem in check_replay(path)] == ["replay"], "it reports that it cannot be replayed"
 
 

@@ -18,7 +18,7 @@ from gymnasium.utils.env_checker import check_env
 
 import sonata2d as s2
 import sonata2d.gym as s2g
-from sonata2d.datasets import check_episode
+from sonata2d.datasets import verify
 from sonata2d.datasets.check.replay import check_replay
 from sonata2d.errors import ConfigError, ControllerError, MetricError, RecordError, WindowError
 from tests.gym.samples import CHAINS, SHORT, actions, equal
@@ -231,7 +231,7 @@ def test_recorded_episodes_pass_check_and_replay(tmp_path: Path) -> None:
     files = sorted(tmp_path.glob("*.json"))
     assert [file.name for file in files] == ["000000.json", "000001.json", "000002.json"]
     for file in files:
-        assert check_episode(file) == []
+        assert verify(file) == []
         assert check_replay(file) == []
     last = s2.read_episode(files[-1])
     assert (last.outcome.status, len(last)) == ("stopped", 20)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import sonata2d.gym as s2g
-from sonata2d.datasets import check_episode
+from sonata2d.datasets import verify
 from sonata2d.datasets.check.replay import check_replay
 from tests.gym.samples import CHAINS, SHORT, equal
 
@@ -61,5 +61,5 @@ def test_recorded_episodes_pass_check_and_replay(preset: str, tmp_path: Path) ->
     files = sorted(tmp_path.glob("*.json"))
     assert len(files) == number
     for file in files:
-        assert check_episode(file) == []
+        assert verify(file) == []
         assert check_replay(file) == []

@@ -7,6 +7,7 @@ episode, so that the workers share the folder.
 from __future__ import annotations
 
 import logging
+import os
 from collections import Counter
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -26,7 +27,7 @@ from ..manifest.read import read_document
 from ..manifest.write import counts_of, row_of, sum_of
 from ..shards import shard_row, write_shard_manifest
 from ..workers.tasks import stop_if_over, stop_if_unwanted
-from .episodes import EpisodeRuns, Job, packed_episode, prepared
+from .episodes import EpisodeRuns, Job, created, packed_episode
 from .progress import Batch, FailedEpisode, logged_exclusions
 from .specification import DatasetSpec, identity_of, manifest_of, require_episode_of
 
@@ -35,14 +36,14 @@ logger = logging.getLogger(__name__)
 
 def batch_runner(job: Job) -> Callable[[int], Batch | FailedEpisode]:
     """A function that generates a batch by number; all its episodes share one controller."""
-    return partial(_run_batch, prepared(job))
+    return partial(_run_batch, EpisodeRuns(job, created(job.source), os.getpid()))
 
 
 def _run_batch(runs: EpisodeRuns, number: int) -> Batch | FailedEpisode:
     """Generate a batch. Finished episodes of an interrupted shard stay in a file; the next attempt takes them over."""
     spec = runs.job.spec
     first, stop = spec.covered(number)
-    with NewBatch(runs.job.out, number, spec) as batch:
+    with _NewBatch(runs.job.out, number, spec) as batch:
         for episode in range(first, stop):
             stop_if_over()
             if not batch.takes_over(episode) and (failure := runs.run(episode, batch)) is not None:
@@ -50,7 +51,7 @@ def _run_batch(runs: EpisodeRuns, number: int) -> Batch | FailedEpisode:
         return batch.finish(stop)
 
 
-class NewBatch:
+class _NewBatch:
     """A batch that is being written: a shard, which gets its name when it is complete, or a file of a folder.
 
     Args:
@@ -267,7 +268,7 @@ def cut_shard(folder: Path, spec: DatasetSpec, batch: Batch, episodes: int) -> B
     stop = numbers[-1] + 1
     if stop == batch.stop and len(numbers) == batch.episodes:
         return batch
-    with NewBatch(folder, batch.number, spec) as shard:
+    with _NewBatch(folder, batch.number, spec) as shard:
         for number in numbers:
             if not shard.takes_over(number):
                 raise RecordError(f"{path / spec.file_name(number)} was changed since it was generated")
