@@ -27,7 +27,7 @@ from ..registry import did_you_mean
 from .manifest.read import has_manifest
 from .manifest.rows import Lazy, files_in_manifest, files_of, paths_in, read_stored_manifest, selection
 from .stream import BLOCK, Stream, Transform
-from .summaries import contact_summary
+from .summaries import totals_of
 from .transforms.split import FRACTIONS, split_dataset
 from .workers.executors import Workers
 
@@ -317,7 +317,7 @@ class Dataset(Sequence[EpisodeRecord]):
                     families[row["family"]] += 1
                     yield row
 
-            contacts = contact_summary(counted_rows()).rows()[0][1]
+            contacts = totals_of(counted_rows()).contacts.rows()[0][1]
             facts |= {"outcomes": _listed(outcomes), "contacts": contacts, "families": _listed(families)}
             facts["scenario"] = self.manifest["name"]
         text: str = display().card(type(self).__name__, facts, *self._sheet(_PREVIEWED))
@@ -357,13 +357,13 @@ class Dataset(Sequence[EpisodeRecord]):
         return part
 
     def _rows(self) -> Iterator[Mapping[str, Any]]:
-        """Outcome, family and contacts of each episode, from the manifest if it lists them."""
+        """Outcome, family, number of frames and contacts of each episode, from the manifest if it lists them."""
         rows: Iterable[JsonDict | None] = repeat(None, len(self)) if self._entries is None else self._entries
         for number, row in enumerate(rows):
             if row is None or "contacts" not in row:
                 record = read_episode(self.files[number])
-                row = {"outcome": record.outcome.status, "family": record.family, **record.counts()}
-                row.setdefault("contacts", {})  # of an imported episode, which does not record them
+                row = {"outcome": record.outcome.status, "family": record.family, "ticks": len(record)}
+                row |= {"contacts": {}} | record.counts()  # an imported episode does not record contacts
             yield row
 
     def _columns(self, table: str) -> dict[str, list[Any]]:

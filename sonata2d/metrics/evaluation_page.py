@@ -30,14 +30,14 @@ from .summary import FEW, LEVEL, Share
 from .templates import render
 from .trajectory import Trajectory
 
-_OUTCOMES = {
-    "goal": "goal reached without collision",
-    "goal-collision": "goal reached after a collision",
-    "timeout": "time limit reached",
-    "contact": "ended by a contact",
-    "stopped": "stopped by the controller or a person",
-    "regenerate": "new scene requested",
-    "error": "error in the controller",
+_OUTCOMES = {  # text and colour
+    "goal": ("goal reached without collision", "#009e73"),
+    "goal-collision": ("goal reached after a collision", "#56b4e9"),
+    "timeout": ("time limit reached", "#e69f00"),
+    "contact": ("ended by a contact", "#d55e00"),
+    "stopped": ("stopped by the controller or a person", "#cc79a7"),
+    "regenerate": ("new scene requested", "#f0e442"),
+    "error": ("error in the controller", "#8b929c"),
 }
 _MOMENTS = 6  # pictures of a film strip
 _COLLISIONS = ("collisions", "object_collisions", "wall_collisions", "person_on_robot")  # beside the headline metrics

@@ -16,7 +16,7 @@ from sonata2d.core.snapshot import Contact
 from sonata2d.datasets import generate_dataset, merge_datasets, mirror_dataset, verify
 from sonata2d.datasets.card.text import card_text
 from sonata2d.datasets.manifest import read_manifest, write_json
-from sonata2d.datasets.summaries import contact_summary, excessive_commands
+from sonata2d.datasets.summaries import totals_of
 from sonata2d.errors import ControllerWarning
 from sonata2d.metrics.trajectory import Trajectory
 from sonata2d.record.counts import commands_beyond_limits, count_contacts
@@ -93,7 +93,7 @@ def test_mirrored_merged_and_resumed_data_sets_carry_the_counts(careless: Path, 
 
 
 def test_the_card_shows_contacts_beside_the_outcomes(careless: Path) -> None:
-    text, summary = (careless / "README.md").read_text("utf-8"), contact_summary(rows(careless))
+    text, summary = (careless / "README.md").read_text("utf-8"), totals_of(rows(careless)).contacts
     walls, frames = summary.by_kind["wall"], sum(row["ticks"] for row in rows(careless))
     assert walls.frames > 0
     share, fault = (f"{count / frames:.1%}".replace("%", " %") for count in (walls.frames, walls.robot_at_fault))
@@ -109,7 +109,7 @@ def test_manifests_without_counts_are_read_and_say_so(careless: Path, tmp_path: 
         del row["contacts"], row["commands_beyond_limits"]
     write_json(tmp_path / "old/manifest.json", manifest)
     assert verify(tmp_path / "old") == []
-    assert contact_summary(rows(tmp_path / "old")).rows() == [("contacts", "not counted in 2 episodes")]
+    assert totals_of(rows(tmp_path / "old")).contacts.rows() == [("contacts", "not counted in 2 episodes")]
     assert "whose contacts were not counted: 2." in card_text(read_manifest(tmp_path / "old"))
 
 
@@ -139,7 +139,7 @@ def test_commands_far_beyond_the_limits_give_one_warning_for_the_batch(tmp_path:
     (warning,) = warned
     assert "vx up to 50 m/s (limit 1 m/s) in 100.0 % of the frames" in str(warning.message)
     assert "a unicycle does not move sideways" in str(warning.message)
-    assert [one.component for one in excessive_commands(rows(tmp_path / "out"))] == ["vx", "vy"]
+    assert [one.component for one in totals_of(rows(tmp_path / "out")).excess] == ["vx", "vy"]
     assert "Commands exceed the limits of the robot's drive" in (tmp_path / "out/README.md").read_text()
 
 

@@ -60,7 +60,7 @@ def run(config: s2.ScenarioConfig, folder: Path, seed: int = 0) -> Any:
     with JsonRecorder(path) as recorder:
         s2.Episode(s2.generate(config, seed), s2.SocialPlanner(), observers=[recorder]).run()
     assert verify(path) == []
-    assert check_replay(path) == []
+    assert check_replay(read_episode(path)) == []
     return read_episode(path)
 
 

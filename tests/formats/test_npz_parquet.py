@@ -56,7 +56,7 @@ def test_folder_reads_back_to_the_byte(folder: Path, tmp_path: Path, format: str
     assert (len(result.files), result.refused) == (20, [])
     for path in result.files:
         assert path.read_bytes() == (folder / path.name).read_bytes()
-    assert check_replay(result.files[3]) == []
+    assert check_replay(read_episode(result.files[3])) == []
 
 
 @pytest.mark.parametrize("format", ["npz", "parquet"])

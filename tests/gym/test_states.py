@@ -15,6 +15,7 @@ import pytest
 import sonata2d.gym as s2g
 from sonata2d.datasets import verify
 from sonata2d.datasets.check.replay import check_replay
+from sonata2d.record.reader import read_episode
 from tests.gym.samples import CHAINS, SHORT, equal
 
 COUNT = int(os.environ.get("SONATA2D_TEST_STATES", "32"))
@@ -62,4 +63,4 @@ def test_recorded_episodes_pass_check_and_replay(preset: str, tmp_path: Path) ->
     assert len(files) == number
     for file in files:
         assert verify(file) == []
-        assert check_replay(file) == []
+        assert check_replay(read_episode(file)) == []

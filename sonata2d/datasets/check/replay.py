@@ -132,17 +132,17 @@ def _rerun_document(record: EpisodeRecord, controller: Controller) -> bytes:
     return recorder.document()
 
 
-def check_replay(path: Path, *, record: EpisodeRecord | None = None) -> list[Problem]:
-    """Problems of a file that its scene and commands, or its seed and settings, do not reproduce.
+def check_replay(stored: EpisodeRecord) -> list[Problem]:
+    """Problems of an episode that its scene and commands, or its seed and settings, do not reproduce.
 
     For a mirror image the original is replayed, and the file must be its exact image: the random choices of pedestrians
     follow the seed, so a mirror image cannot be run itself.
 
     Args:
-        path: an episode file.
-        record: its content, if it was read already.
+        stored: the content of a file.
     """
-    record, problems = _original(read_episode(path) if record is None else record)
+    path = stored.path
+    record, problems = _original(stored)
     if record.document.get("imported"):
         return [Problem(path.name, "replay", "imported: there is no simulation to replay")]
     if refusal := _other_physics(record):
@@ -154,19 +154,18 @@ def check_replay(path: Path, *, record: EpisodeRecord | None = None) -> list[Pro
         if any(str(error) in problem.message for problem in problems):  # such as a plug-in that is not installed
             return problems
         return [*problems, Problem(path.name, "replay", str(error))]
-    return problems + _first_difference(path.name, "replay", _stored_document(path, record), replayed)
+    return problems + _first_difference(path.name, "replay", _document_of(stored, record), replayed)
 
 
-def check_rerun(path: Path, name: str | None = None, *, record: EpisodeRecord | None = None) -> list[Problem]:
-    """Problems of a file that its controller does not reproduce; for a mirror image the original is run.
+def check_rerun(stored: EpisodeRecord, name: str | None = None) -> list[Problem]:
+    """Problems of an episode that its controller does not reproduce; for a mirror image the original is run.
 
     Args:
-        path: an episode file.
+        stored: the content of a file.
         name: name of the controller; None: the recorded one, if it is built in or a plug-in's. Code and weights that
             only the file names are not loaded.
-        record: its content, if it was read already.
     """
-    stored = read_episode(path) if record is None else record
+    path = stored.path
     record, _ = _original(stored)
     if refusal := _other_physics(record):
         return [Problem(path.name, "physics", refusal)]
@@ -187,7 +186,7 @@ def check_rerun(path: Path, name: str | None = None, *, record: EpisodeRecord | 
     controller = load_controller(name or recorded, settings)
     if not controller.deterministic:
         return []
-    return _first_difference(path.name, "rerun", _stored_document(path, record), _rerun_document(record, controller))
+    return _first_difference(path.name, "rerun", _document_of(stored, record), _rerun_document(record, controller))
 
 
 def _original(record: EpisodeRecord) -> tuple[EpisodeRecord, list[Problem]]:
@@ -207,9 +206,9 @@ def _original(record: EpisodeRecord) -> tuple[EpisodeRecord, list[Problem]]:
     return original, problems
 
 
-def _stored_document(path: Path, record: EpisodeRecord) -> bytes:
-    """The document in the file, or the original's if the file is a mirror image."""
-    return read_bytes(path) if record.path == path else serialise(record.document)
+def _document_of(stored: EpisodeRecord, record: EpisodeRecord) -> bytes:
+    """The document in the file, or the document of the original if the file is a mirror image."""
+    return read_bytes(stored.path) if record is stored else serialise(record.document)
 
 
 def _check_scene(path: Path, record: EpisodeRecord) -> list[Problem]:

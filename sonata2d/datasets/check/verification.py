@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from contextlib import suppress
 from functools import partial
@@ -17,6 +17,7 @@ from ...core.notebook import Advance
 from ...core.wording import described
 from ...errors import ControllerError, ControllerWarning
 from ...record.layout import JsonDict
+from ...record.record import EpisodeRecord
 from ..manifest.names import MANIFEST
 from ..manifest.read import has_manifest
 from ..manifest.rows import files_of, read_manifest
@@ -118,13 +119,12 @@ def _verify_file(file: ListedFile, *, replay: bool, rerun: bool, controller: str
     if record is None:
         return problems
     problems += check_record(record, file)
-    checks = {
-        "replay": check_replay if replay else None,
-        "rerun": partial(check_rerun, name=controller) if rerun else None,
-    }
+    checks: dict[str, Callable[[EpisodeRecord], list[Problem]]] = {"replay": check_replay} if replay else {}
+    if rerun:
+        checks["rerun"] = partial(check_rerun, name=controller)
     for place, check in checks.items():
         try:
-            problems += check(record.path, record=record) if check else []
+            problems += check(record)
         except BaseException as error:  # a changed file or a faulty controller may raise any error
             interruption.reraise(error)
             problems.append(Problem(record.path.name, place, described(error)))
