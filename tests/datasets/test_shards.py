@@ -28,7 +28,6 @@ from sonata2d.datasets import (
     write_card,
 )
 from sonata2d.datasets.generate import batches
-from sonata2d.datasets.generate.episodes import EpisodeRuns
 from sonata2d.errors import RecordError
 from sonata2d.formats.api import export_to, import_from
 from sonata2d.record.files import read_bytes, read_stored
@@ -131,16 +130,16 @@ def test_finished_episodes_of_an_unfinished_shard_are_not_run_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run_episodes: list[int] = []
-    run = EpisodeRuns.run
+    run = batches.run_episode
 
-    def interrupted(runs: EpisodeRuns, episode: int, store: Any) -> Any:
+    def interrupted(job: Any, controller: Any, episode: int, store: Any) -> Any:
         if len(run_episodes) == 7:
             run_episodes.append(-1)
             raise KeyboardInterrupt
         run_episodes.append(episode)
-        return run(runs, episode, store)
+        return run(job, controller, episode, store)
 
-    monkeypatch.setattr(EpisodeRuns, "run", interrupted)
+    monkeypatch.setattr(batches, "run_episode", interrupted)
     settings: dict[str, Any] = {"episodes": 12, "shard_size": 5}
     with pytest.raises(KeyboardInterrupt):
         s2.generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", **settings)
@@ -379,15 +378,15 @@ def test_a_second_worker_on_the_same_shard_changes_nothing(
     sharded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After a lost connection, Dask lets another worker run a task that the first one still runs."""
-    run, batch, runs_inside = EpisodeRuns.run, batches._run_batch, []
+    run, batch, runs_inside = batches.run_episode, batches._run_batch, []
 
-    def twice(runs: EpisodeRuns, episode: int, store: Any) -> Any:
+    def twice(job: Any, controller: Any, episode: int, store: Any) -> Any:
         if episode == 13 and not runs_inside:
             runs_inside.append(episode)
-            assert isinstance(batch(runs, 1), batches.Batch)
-        return run(runs, episode, store)
+            assert isinstance(batch(job, controller, 1), batches.Batch)
+        return run(job, controller, episode, store)
 
-    monkeypatch.setattr(EpisodeRuns, "run", twice)
+    monkeypatch.setattr(batches, "run_episode", twice)
     s2.generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", shard_size=10, **SETTINGS)
     assert runs_inside
     assert contents(tmp_path / "out") == contents(sharded)
@@ -399,7 +398,7 @@ def test_a_resumed_run_of_a_split_data_set_leaves_no_split(
     out, settings = tmp_path / "out", {"seed": 5, "shard_size": 10, "resume": True}
     s2.generate_dataset(out, QUICK, "straight-to-goal", episodes=20, **settings)
     split_dataset(out)
-    monkeypatch.setattr(EpisodeRuns, "run", interrupted)
+    monkeypatch.setattr(batches, "run_episode", interrupted)
     with pytest.raises(KeyboardInterrupt):
         s2.generate_dataset(out, QUICK, "straight-to-goal", episodes=25, **settings)
     assert any("split" in str(problem) for problem in verify(out))

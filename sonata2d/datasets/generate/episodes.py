@@ -76,65 +76,49 @@ def created(source: ControllerSource) -> Controller:
     return controller
 
 
-@dataclass(frozen=True, slots=True)
-class EpisodeRuns:
-    """Runs episodes of a data set with one controller.
+def run_episode(job: Job, controller: Controller, episode: int, store: Store) -> FailedEpisode | None:
+    """Run an episode, and store it if its outcome is kept.
 
-    Attributes:
+    Args:
         job: of the data set.
         controller: drives the robot.
-        process: id of the process that runs the episodes.
+        episode: number of the episode.
+        store: of its batch.
+
+    Returns:
+        The failure if an error ended the episode, or it cannot be stored; else None.
     """
-
-    job: Job
-    controller: Controller
-    process: int
-
-    def run(self, episode: int, store: Store) -> FailedEpisode | None:
-        """Run one episode, and store it if its outcome is kept.
-
-        Args:
-            episode: its number.
-            store: of its batch.
-
-        Returns:
-            The failure if an error ended the episode, or it cannot be stored; else None.
-        """
-        job, spec = self.job, self.job.spec
-        recorder = EpisodeRecorder(id=f"{episode:06d}", context=job.scenario.context)
-        try:
-            scene = generate(job.scenario, spec.seed, episode)
-            run = Episode(
-                scene,
-                self.controller,
-                observers=[_ForkGuard(self.process), recorder],
-                controller_info=spec.controller_info,
-                renderer=renderer_for(self.controller),
-            )
-            status = run.run().status
-        except BaseException as error:
-            interruption.reraise(error)
-            return _failed(job, recorder, episode, error)
-        logger.info("episode %d: %s after %d frames", episode, status, len(run.past))
-        if spec.keep and status not in spec.keep:
-            store.leave_out(episode, status)
-            return None
-        try:
-            store.add(episode, recorder)
-        except RecordError as error:
-            return _failed(job, recorder, episode, error)
+    spec = job.spec
+    recorder = EpisodeRecorder(id=f"{episode:06d}", context=job.scenario.context)
+    try:
+        scene = generate(job.scenario, spec.seed, episode)
+        run = Episode(
+            scene,
+            controller,
+            observers=[_ForkGuard(), recorder],
+            controller_info=spec.controller_info,
+            renderer=renderer_for(controller),
+        )
+        status = run.run().status
+    except BaseException as error:
+        interruption.reraise(error)
+        return _failed(job, recorder, episode, error)
+    logger.info("episode %d: %s after %d frames", episode, status, len(run.past))
+    if spec.keep and status not in spec.keep:
+        store.leave_out(episode, status)
         return None
+    try:
+        store.add(episode, recorder)
+    except RecordError as error:
+        return _failed(job, recorder, episode, error)
+    return None
 
 
 class _ForkGuard:
-    """An observer that ends copies of the process which the controller has forked, in the tick in which it did.
+    """An observer that ends copies of this process which the controller has forked, in the tick in which it did."""
 
-    Args:
-        process: id of the process that runs the batch.
-    """
-
-    def __init__(self, process: int) -> None:
-        self._process = process
+    def __init__(self) -> None:
+        self._process = os.getpid()
 
     def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
         end_if_forked(self._process)
