@@ -56,7 +56,7 @@ class Evaluation:
     >>> from sonata2d.metrics import episode_files, measure_files
     >>> files = episode_files(Path("demo"))
     >>> Evaluation("demo", measure_files(files, rerun=False)).summary("path_length").mean
-    6...
+    3...
     """
 
     label: str
