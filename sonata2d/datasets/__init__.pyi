@@ -1,15 +1,5 @@
 from .card.write import write_card as write_card
-from .check.episodes import (
-    ListedFile as ListedFile,
-    Problem as Problem,
-    check_episode as check_episode,
-    check_listed as check_listed,
-)
-from .check.manifests import (
-    check_dataset as check_dataset,
-    check_manifest as check_manifest,
-    listed_files as listed_files,
-)
+from .check.episodes import Problem as Problem
 from .check.replay import branch as branch
 from .check.verification import verify as verify
 from .generate.run import generate_dataset as generate_dataset

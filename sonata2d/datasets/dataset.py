@@ -6,7 +6,7 @@ from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from itertools import groupby, repeat
+from itertools import repeat
 from pathlib import Path
 from typing import Any, SupportsIndex, get_args, overload
 
@@ -24,10 +24,10 @@ from ..record.reader import read_episode, read_episodes
 from ..record.record import EpisodeRecord
 from ..record.tables import TABLES, tables_of
 from ..registry import did_you_mean
-from .manifest.read import has_manifest, read_document
+from .manifest.read import has_manifest
 from .manifest.rows import Lazy, files_in_manifest, files_of, paths_in, read_stored_manifest, selection
 from .stream import BLOCK, Stream, Transform
-from .summaries import contact_summary
+from .summaries import totals_of
 from .transforms.split import FRACTIONS, split_dataset
 from .workers.executors import Workers
 
@@ -44,7 +44,7 @@ class Dataset(Sequence[EpisodeRecord]):
 
     Attributes:
         path: as given.
-        files: of the episodes, in the order of the manifest, or of their names. Those in shards are paths such as
+        files: of the episodes, in the order of the manifest, or of their names. Files in shards are paths such as
             `demo/shard-000000.tar/000007.json`, which `read_episode` reads.
         manifest: as stored in the folder; None: it has none.
 
@@ -188,16 +188,11 @@ class Dataset(Sequence[EpisodeRecord]):
         split = (self.manifest or {}).get("split")
         if not split or self._entries is None:
             raise RecordError(f"{self.path} is not split; call split()")
-        numbers: dict[str, list[int]] = {part: [] for part in split}
-        # episodes of one shard together: the names in its parts are in its own manifest
-        for shard, entries in groupby(enumerate(self._entries), lambda entry: entry[1]["name"].rpartition("/")[0]):
-            stored = read_document(self.path / shard)["split"] if shard else split
-            parts = {part: frozenset(names) for part, names in (stored or {}).items()}
-            for number, row in entries:
-                name = row["name"].rpartition("/")[2]
-                for part in parts:
-                    if name in parts[part]:
-                        numbers[part].append(number)
+        part_of = {name: part for part, names in split.items() for name in names}
+        numbers: dict[str, array[int]] = {part: array("q") for part in split}
+        for number, row in enumerate(self._entries):
+            if row["name"] in part_of:  # an edited manifest may leave episodes out
+                numbers[part_of[row["name"]]].append(number)
         return {part: self._selected(members) for part, members in numbers.items()}
 
     def to_pandas(self, table: str = "frames") -> Any:
@@ -283,7 +278,7 @@ class Dataset(Sequence[EpisodeRecord]):
             RenderError: the suffix is unknown, an argument has no effect on the format, there is no episode, or the
                 file cannot be written.
         """
-        display().save_sheet(self._first(count), self._titles(count), path, fps=fps, speed=speed, progress=progress)
+        display().save_sheet(*self._sheet(count), path, fps=fps, speed=speed, progress=progress)
 
     def show(self, *, count: int = SHOWN) -> None:
         """Show the picture that `save` draws: below a cell of a notebook, else in a browser.
@@ -294,7 +289,7 @@ class Dataset(Sequence[EpisodeRecord]):
         Raises:
             RenderError: there is neither a notebook nor a browser.
         """
-        display().show_sheet(self._first(count), self._titles(count))
+        display().show_sheet(*self._sheet(count))
 
     def animate(self, *, count: int = SHOWN) -> None:
         """Show the page of `save`, which plays the episode that is chosen: below a cell of a notebook, or in a browser.
@@ -305,7 +300,7 @@ class Dataset(Sequence[EpisodeRecord]):
         Raises:
             RenderError: there is neither a notebook nor a browser, or no episode.
         """
-        display().animate_sheet(self._first(count), self._titles(count))
+        display().animate_sheet(*self._sheet(count))
 
     def __repr__(self) -> str:
         return f"<Dataset {self.path}: {counted(len(self), 'episode')}>"
@@ -322,10 +317,10 @@ class Dataset(Sequence[EpisodeRecord]):
                     families[row["family"]] += 1
                     yield row
 
-            contacts = contact_summary(counted_rows()).rows()[0][1]
+            contacts = totals_of(counted_rows()).contacts.rows()[0][1]
             facts |= {"outcomes": _listed(outcomes), "contacts": contacts, "families": _listed(families)}
             facts["scenario"] = self.manifest["name"]
-        text: str = display().card(type(self).__name__, facts, self._first(_PREVIEWED), self._titles(_PREVIEWED))
+        text: str = display().card(type(self).__name__, facts, *self._sheet(_PREVIEWED))
         return text
 
     @classmethod
@@ -362,13 +357,13 @@ class Dataset(Sequence[EpisodeRecord]):
         return part
 
     def _rows(self) -> Iterator[Mapping[str, Any]]:
-        """Outcome, family and contacts of each episode, from the manifest if it lists them."""
+        """Outcome, family, number of frames and contacts of each episode, from the manifest if it lists them."""
         rows: Iterable[JsonDict | None] = repeat(None, len(self)) if self._entries is None else self._entries
         for number, row in enumerate(rows):
             if row is None or "contacts" not in row:
                 record = read_episode(self.files[number])
-                row = {"outcome": record.outcome.status, "family": record.family, **record.counts()}
-                row.setdefault("contacts", {})  # of an imported episode, which does not record them
+                row = {"outcome": record.outcome.status, "family": record.family, "ticks": len(record)}
+                row |= {"contacts": {}} | record.counts()  # an imported episode does not record contacts
             yield row
 
     def _columns(self, table: str) -> dict[str, list[Any]]:
@@ -382,12 +377,10 @@ class Dataset(Sequence[EpisodeRecord]):
                 columns.setdefault(name, []).extend(values.tolist() if hasattr(values, "tolist") else values)
         return columns
 
-    def _first(self, count: int) -> Dataset:
+    def _sheet(self, count: int) -> tuple[Dataset, list[str]]:
+        """The first episodes, and their titles in a picture."""
         whole_number("count", count, 1)
-        return self[:count]
-
-    def _titles(self, count: int) -> list[str]:
-        return [file_stem(file) for file in self.files[:count]]
+        return self[:count], [file_stem(file) for file in self.files[:count]]
 
 
 def _listed(counts: Counter[str]) -> str:

@@ -31,9 +31,6 @@ class _Episodes(Protocol):
     path: Path
     files: Sequence[Path]
 
-    def __len__(self) -> int:
-        """Number of episodes."""
-
 
 class Stream(Iterable[Any]):
     """The episodes of a data set, or what a function makes of them, read while they are iterated over.
@@ -80,9 +77,9 @@ class Stream(Iterable[Any]):
 
     def __iter__(self) -> Iterator[Any]:
         """The items of one epoch."""
-        blocks = -(-len(self._dataset) // BLOCK)
+        blocks = -(-len(self._dataset.files) // BLOCK)
         if self._part[0] >= blocks:
-            message = f"part {self._part} is empty: {len(self._dataset)} episodes are {blocks} blocks of {BLOCK}"
+            message = f"part {self._part} is empty: {len(self._dataset.files)} episodes are {blocks} blocks of {BLOCK}"
             warnings.warn(f"{message}; use fewer parts", DatasetWarning, stacklevel=2)
         return self._items(*self._part, self._workers, self.epoch)
 
@@ -98,9 +95,9 @@ class Stream(Iterable[Any]):
         optional("torch.utils.data", RecordError)
         from .torch_data import Samples
 
-        return Samples(self)
+        return Samples(self._worker_items, self.epoch)
 
-    def share(self, worker: int, workers: int, epoch: int) -> Iterator[Any]:
+    def _worker_items(self, worker: int, workers: int, epoch: int) -> Iterator[Any]:
         """The items of one of several workers of a `DataLoader`, which share the blocks; records as tensors.
 
         Args:
@@ -118,7 +115,7 @@ class Stream(Iterable[Any]):
 
     def _items(self, number: int, count: int, workers: int | Executor | Workers, epoch: int) -> Iterator[Any]:
         """The items of a part of the blocks, in the order of the epoch."""
-        total = len(self._dataset)
+        total = len(self._dataset.files)
         starts: Sequence[int] = range(0, total, BLOCK)
         if self._shuffle:
             starts = RandomStream(self._seed, epoch, "order").shuffled(starts)

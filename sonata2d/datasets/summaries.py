@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ..core.wording import counted
 from ..record.counts import ANY_KIND, CONTACT_KINDS
 
 _WARNING_SHARE = 0.5  # of the frames
@@ -54,9 +55,11 @@ class ContactSummary:
         parts = ["none"] if self.episodes and not self.by_kind else []
         if self.by_kind:
             total = self.by_kind[ANY_KIND]
-            parts = [f"in {total.episodes} of {_episodes(self.episodes)}, {self.share(total.frames)} of the frames"]
+            parts = [
+                f"in {total.episodes} of {counted(self.episodes, 'episode')}, {self.share(total.frames)} of the frames"
+            ]
         if self.uncounted_episodes:
-            parts.append(f"not counted in {_episodes(self.uncounted_episodes)}")
+            parts.append(f"not counted in {counted(self.uncounted_episodes, 'episode')}")
         return "; ".join(parts)
 
     def share(self, frames: int) -> str:
@@ -65,7 +68,7 @@ class ContactSummary:
 
     def _kind_row(self, kind: str) -> tuple[str, str]:
         contacts = self.by_kind[kind]
-        text = f"in {_episodes(contacts.episodes)}, {self.share(contacts.frames)} of the frames"
+        text = f"in {counted(contacts.episodes, 'episode')}, {self.share(contacts.frames)} of the frames"
         faults = {"robot": contacts.robot_at_fault, "other": contacts.other_at_fault}
         at_fault = [f"{side} at fault in {self.share(frames)}" for side, frames in faults.items() if frames]
         return f"  with {'an' if kind == 'object' else 'a'} {kind}", "; ".join([text, *at_fault])
@@ -101,27 +104,23 @@ def _percentage(fraction: float) -> str:
     return f"{100.0 * fraction:.1f} %" if fraction >= 0.0005 or fraction == 0.0 else "<0.1 %"
 
 
-def _episodes(count: int) -> str:
-    return f"{count} episode{'s' * (count != 1)}"
-
-
 def commands_warning(rows: Iterable[Mapping[str, Any]], name: str) -> str | None:
     """A warning if most commands of a controller are beyond the limits of the robot's drive; else None.
 
     Fewer are usual: a controller whose command is proportional to an error exceeds the limits while that is large.
 
     Args:
-        rows: as for `excessive_commands`.
+        rows: as for `totals_of`.
         name: of the controller.
     """
-    excess = [command for command in excessive_commands(rows) if command.share > _WARNING_SHARE]
+    excess = [command for command in totals_of(rows).excess if command.share > _WARNING_SHARE]
     if not excess:
         return None
     return f"{name}: commands exceed the limits of the drive, which executes less: {', '.join(map(str, excess))}"
 
 
 @dataclass(frozen=True, slots=True)
-class Totals:
+class _Totals:
     """Sums over the rows of a manifest, which are read once.
 
     Attributes:
@@ -137,7 +136,7 @@ class Totals:
     excess: list[ExcessiveCommands]
 
 
-def totals_of(rows: Iterable[Mapping[str, Any]]) -> Totals:
+def totals_of(rows: Iterable[Mapping[str, Any]]) -> _Totals:
     """Sums over the files in a manifest.
 
     Args:
@@ -145,12 +144,12 @@ def totals_of(rows: Iterable[Mapping[str, Any]]) -> Totals:
             count there; without `bytes` its size is 0.
     """
     episodes = frames = size = 0
-    counted = {"contacts": [0, 0], "commands_beyond_limits": [0, 0]}  # episodes, frames
+    known_in = {"contacts": [0, 0], "commands_beyond_limits": [0, 0]}  # episodes, frames
     contacts: dict[str, list[int]] = {}
     commands: dict[str, tuple[int, float, float]] = {}  # frames, command and limit
     for row in rows:
         episodes, frames, size = episodes + 1, frames + row["ticks"], size + row.get("bytes", 0)
-        for key, sums in counted.items():
+        for key, sums in known_in.items():
             if row.get(key) is not None:
                 sums[0], sums[1] = sums[0] + 1, sums[1] + row["ticks"]
         for kind, contact in (row.get("contacts") or {}).items():
@@ -162,24 +161,14 @@ def totals_of(rows: Iterable[Mapping[str, Any]]) -> Totals:
             if abs(excess["command"] - excess["limit"]) > abs(command - limit):
                 command, limit = excess["command"], excess["limit"]
             commands[component] = number + excess["frames"], command, limit
-    with_contacts, contact_frames = counted["contacts"]
+    with_contacts, contact_frames = known_in["contacts"]
     by_kind = {kind: Contacts(*contacts[kind]) for kind in (ANY_KIND, *CONTACT_KINDS) if kind in contacts}
     summary = ContactSummary(with_contacts, contact_frames, episodes - with_contacts, by_kind)
     commands_beyond = []
     for component in _UNITS:
         if component in commands:
             number, command, limit = commands[component]
-            share = number / max(counted["commands_beyond_limits"][1], 1)
+            share = number / max(known_in["commands_beyond_limits"][1], 1)
             share = max(round(share, 4), 0.0001)  # as precise as it is shown; what exists is never 0
             commands_beyond.append(ExcessiveCommands(component, number, share, command, limit))
-    return Totals(episodes, frames, size, summary, commands_beyond)
-
-
-def contact_summary(rows: Iterable[Mapping[str, Any]]) -> ContactSummary:
-    """Contacts in several episodes; see `totals_of`."""
-    return totals_of(rows).contacts
-
-
-def excessive_commands(rows: Iterable[Mapping[str, Any]]) -> list[ExcessiveCommands]:
-    """Commands beyond the limits of the robot's drive in several episodes; see `totals_of`."""
-    return totals_of(rows).excess
+    return _Totals(episodes, frames, size, summary, commands_beyond)

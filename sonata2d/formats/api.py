@@ -22,7 +22,7 @@ from ..record.reader import read_episode
 from ..record.shard_file import is_shard
 from ..registry import FORMATS
 from . import sonata
-from .format import Format, Options
+from .format import Format, Options, Tables
 from .importing import encode_episode
 
 Advance = Callable[[int], None]
@@ -147,7 +147,7 @@ def export_to(
     refused; the others are still written.
 
     Args:
-        source: an episode file, a folder of them, or a data set, such as those that `Dataset.filter` returns.
+        source: an episode file, a folder of them, or a data set, such as `Dataset.filter` returns.
         format: name of the format, see `registry.FORMATS`.
         out: a folder; for a single episode file that becomes a single file, a path that ends with the suffix of the
             format is the name of the file.
@@ -175,18 +175,18 @@ def export_to(
         files, is_single = episodes_in(place), file_exists(place) and not is_shard(place)
     chosen = format_named(format)
     _require_supported(format, options)
-    if shard_size is not None and chosen.export_part is None:
+    if shard_size is not None and chosen.tables is None:
         raise RecordError(f"the format {format} has no shards; leave out the size of shards")
-    if chosen.export_all is None and chosen.export is None:
+    if chosen.tables is None and chosen.export is None:
         raise RecordError(f"{format} files can only be imported")
-    if chosen.export_all is not None and (out / MANIFEST).exists():
+    if chosen.tables is not None and (out / MANIFEST).exists():
         # the tables come with a README.md, which would replace the data card
         raise RecordError(f"{out} holds a data set; choose another folder")
     with shared_workers(workers) as pool:
         transfer = _Transfer(format, chosen, files, out, options, pool, advance)
         if shard_size is not None:
             return transfer.parts(shard_size)
-        return transfer.tables() if chosen.export_all is not None else transfer.files_of_each(is_single)
+        return transfer.tables() if chosen.tables is not None else transfer.files_of_each(is_single)
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +233,7 @@ class _Transfer:
     def tables(self) -> TransferResult:
         """Write tables of all episodes."""
         result = TransferResult([])
-        assert self.format.export_all is not None
+        tables = _tables(self.name)
 
         def packed() -> Iterator[Any]:
             pack = partial(_packed, self.name, episode_key(self.files))
@@ -244,7 +244,8 @@ class _Transfer:
                     result.add_omission(source, omission)
                 self.advance(1)
 
-        result.files.extend(self.format.export_all(packed(), self.out))
+        result.files.extend(tables.write(packed(), self.out, None))
+        result.files.extend(tables.finish(self.out, 0))
         return result
 
     def parts(self, size: int) -> TransferResult:
@@ -263,8 +264,7 @@ class _Transfer:
             for source, error in omissions:
                 result.add_omission(source, error)
             self.advance(count)
-        if self.format.finish_parts is not None:
-            result.files.extend(self.format.finish_parts(self.out, len(numbers)))
+        result.files.extend(_tables(self.name).finish(self.out, len(numbers)))
         return result
 
     def _mapped(self, function: Callable[[Path], T]) -> Iterator[T]:
@@ -295,10 +295,8 @@ def _converted(
 
 def _packed(name: str, key: Callable[[Path], str], file: Path) -> tuple[Any, RecordError | None]:
     """The rows of an episode in the form that the format needs, or the error if it cannot be read."""
-    pack = format_named(name).pack
     try:
-        record = read_episode(file)
-        return record if pack is None else pack(record, key(file)), None
+        return _tables(name).pack(read_episode(file), key(file)), None
     except RecordError as error:
         return None, error
 
@@ -307,8 +305,7 @@ def _part(
     name: str, out: Path, key: Callable[[Path], str], part: tuple[int, Sequence[Path]]
 ) -> tuple[list[Path], list[tuple[Path, RecordError]], int]:
     """Write a part of the tables; returns its files, the episodes that cannot be read, and the number of all."""
-    chosen, (number, files) = format_named(name), part
-    assert chosen.export_part is not None
+    number, files = part
     omissions: list[tuple[Path, RecordError]] = []
 
     def packed() -> Iterator[Any]:
@@ -321,7 +318,14 @@ def _part(
                 omissions.append((file, omission))
         stop_if_unwanted()
 
-    return chosen.export_part(packed(), out, number), omissions, len(files)
+    return _tables(name).write(packed(), out, number), omissions, len(files)
+
+
+def _tables(name: str) -> Tables:
+    """The tables of a format that has some."""
+    tables = format_named(name).tables
+    assert tables is not None
+    return tables
 
 
 def _write(path: Path, data: bytes, source: Path, written: set[Path]) -> None:
@@ -391,9 +395,9 @@ def import_from(
             for document in read(file, options):
                 data = encode_episode(document, file)
                 # A folder of tables holds many episodes: each is named by its id. Else the file gives the name.
-                name = document["id"] if chosen.export_all is not None else file.name.split(".")[0]
+                name = document["id"] if chosen.tables is not None else file.name.split(".")[0]
                 path = out if is_single else out / f"{safe_text(name)}.json"
-                if chosen.export_all is not None:  # tables of merged data sets
+                if chosen.tables is not None:  # tables of merged data sets
                     path = _free(path, written)
                 _write(path, compress(data, path), file, written)
                 result.files.append(path)
@@ -409,7 +413,7 @@ def _sources(source: Path, chosen: Format) -> list[Path]:
     Raises:
         RecordError: the source does not exist, or holds no files of the format.
     """
-    if source.is_file() or (chosen.export_all is not None and source.is_dir()):
+    if source.is_file() or (chosen.tables is not None and source.is_dir()):
         return [source]
     if not source.is_dir():
         raise RecordError(f"{source} does not exist")

@@ -99,7 +99,7 @@ def _read(path: Path) -> tuple[list[str], Array]:
     rows = [_cells(line) for line in lines if line and not line.startswith("#")]
     if not rows:
         raise ValueError("it is empty")
-    has_header = any(re.search("[A-Za-z]", cell) and not _is_number(cell) for cell in rows[0])  # `nan` is a number
+    has_header = any(re.search("[A-Za-z]", cell) and _number(cell) is None for cell in rows[0])  # `nan` is a number
     names = [cell.strip().lower() for cell in rows[0]] if has_header else list(_COLUMNS)
     body = rows[1:] if has_header else rows
     for number, row in enumerate(body):
@@ -113,16 +113,12 @@ def _cells(line: str) -> list[str]:
     return line.split(",") if "," in line else line.split()
 
 
-def _is_number(cell: str) -> bool:
+def _number(cell: str) -> float | None:
+    """The number in a cell; None for other texts."""
     try:
-        float(cell)
+        return float(cell)
     except ValueError:
-        return False
-    return True
-
-
-def _number(cell: str) -> float:
-    return float(cell) if _is_number(cell) else float("nan")
+        return None
 
 
 def _integers(values: Array, name: str) -> IntArray:

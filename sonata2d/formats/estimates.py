@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from ..core.entities import PERSON_RADIUS
 from ..core.geometry import Barriers
 from ..core.portable_math import Array, IntArray
 from ..core.relations import ACTIVITIES
-from ..core.vectors import wrap_angles
+from ..core.vectors import lengths, wrap_angles
 from ..record.canonical import rounded
 
 # Columns of recorded states: x, y, theta, vx, vy, omega, and for pedestrians head.
@@ -134,39 +132,27 @@ def polygon_of(walls: Array) -> Array | None:
     Returns:
         (K, 2), corners, counter-clockwise; None if the first wall is not part of a closed line.
     """
-    distinct = list(dict.fromkeys(map(tuple, walls.tolist())))
+    distinct = np.array(list(dict.fromkeys(map(tuple, walls.tolist())))).reshape(-1, 2, 2)  # both ends of each wall
     if len(distinct) < 3:
         return None
-    # walls by the cell of an end; ends at one corner lie in one cell, or in adjacent ones
-    cells: dict[tuple[int, int], dict[int, None]] = {}
-    for index, wall in enumerate(distinct[1:], 1):
-        for point in (wall[:2], wall[2:]):
-            cells.setdefault(_cell(point), {})[index] = None
-    corners, end = [distinct[0][:2]], distinct[0][2:]
+    unused = np.ones(len(distinct), dtype=bool)
+    unused[0] = False
+    corners, end = [distinct[0, 0]], distinct[0, 1]
     # Append the wall that continues at the open end until the line returns to the first corner.
-    while len(corners) < len(distinct) and math.dist(end, corners[0]) > _CORNER_TOLERANCE:
-        column, row = _cell(end)
-        near = {k for dx in (-1, 0, 1) for dy in (-1, 0, 1) for k in cells.get((column + dx, row + dy), ())}
-        gaps = [(min(math.dist(end, distinct[k][:2]), math.dist(end, distinct[k][2:])), k) for k in near]
-        gap, index = min(gaps, default=(math.inf, 0))
-        if gap > _CORNER_TOLERANCE:
+    while len(corners) < len(distinct) and lengths(end - corners[0]) > _CORNER_TOLERANCE:
+        gaps = np.where(unused[:, None], lengths(distinct - end), np.inf)
+        index, side = np.unravel_index(int(gaps.argmin()), gaps.shape)
+        if gaps[index, side] > _CORNER_TOLERANCE:
             return None
-        wall = distinct[index]
-        for point in (wall[:2], wall[2:]):
-            cells[_cell(point)].pop(index, None)
+        unused[index] = False
         corners.append(end)
-        end = wall[2:] if math.dist(end, wall[:2]) <= _CORNER_TOLERANCE else wall[:2]
+        end = distinct[index, 1 - side]
     ring = np.array(corners)
-    if len(ring) < 3 or math.dist(end, corners[0]) > _CORNER_TOLERANCE:
+    if len(ring) < 3 or lengths(end - ring[0]) > _CORNER_TOLERANCE:
         return None
     x, y = ring.T
     area = float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
     return ring if area > 0 else ring[::-1]
-
-
-def _cell(point: tuple[float, ...]) -> tuple[int, int]:
-    """The cell of a grid in which a point lies; cells are as large as the tolerance."""
-    return math.floor(point[0] / _CORNER_TOLERANCE), math.floor(point[1] / _CORNER_TOLERANCE)
 
 
 def bounding_box(points: Array, margin: float) -> Array:

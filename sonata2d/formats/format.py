@@ -42,7 +42,23 @@ class Options:
 
 Export = Callable[[EpisodeRecord, Options], bytes]
 Import = Callable[[Path, Options], Iterator[JsonDict]]  # yields episode documents, as `record.read_episode` reads them
-ExportAll = Callable[[Iterator[Any], Path], list[Path]]
+
+
+@dataclass(frozen=True, slots=True)
+class Tables:
+    """The export of a format whose files hold the rows of several episodes.
+
+    Attributes:
+        pack: converts an episode and its key, in the worker that has read it, to the item that `write` gets.
+        write: writes packed episodes into a folder and returns the files. Its last argument is the number of a part,
+            which gets files of its own; None: the tables hold all episodes.
+        finish: called at the end with the folder and the number of parts, 0 for tables of all episodes; returns the
+            other files of the folder.
+    """
+
+    pack: Callable[[EpisodeRecord, str], Any]
+    write: Callable[[Iterator[Any], Path, int | None], list[Path]]
+    finish: Callable[[Path, int], list[Path]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +66,7 @@ class Format:
     """A file format of other programs.
 
     A format that writes one file per episode defines `export`; a format whose files hold several episodes defines
-    `export_all`.
+    `tables`.
 
     Attributes:
         description: one line.
@@ -58,12 +74,7 @@ class Format:
         import_: yields the episode documents of a file (for tables: of a folder); None if the format is only written.
         export: returns the bytes of the file of one episode; raises `UnsuitableEpisode` for an episode that the format
             cannot hold.
-        export_all: writes all episodes into a folder and returns the files that it wrote.
-        pack: converts an episode and its key, in the worker that has read it, to what `export_all` gets in its place;
-            None: it gets the record.
-        export_part: writes some episodes into files of their own, and returns these; for large data sets. Its arguments
-            are the packed episodes, the folder and the number of the part.
-        finish_parts: called after all parts with the folder and their number; returns the other files of the folder.
+        tables: writes tables of all episodes, or of parts of large data sets.
         note: a remark on the exported file of an episode, for the caller; None if there is nothing to remark.
         options: names of the fields of `Options` that the format uses; others are refused.
 
@@ -76,10 +87,7 @@ class Format:
     suffix: str
     import_: Import | None = None
     export: Export | None = None
-    export_all: ExportAll | None = None
-    pack: Callable[[EpisodeRecord, str], Any] | None = None
-    export_part: Callable[[Iterator[Any], Path, int], list[Path]] | None = None
-    finish_parts: Callable[[Path, int], list[Path]] | None = None
+    tables: Tables | None = None
     note: Callable[[EpisodeRecord, Options], str | None] | None = None
     options: frozenset[str] = frozenset()
 

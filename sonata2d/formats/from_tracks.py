@@ -28,8 +28,8 @@ from .tracks import Tracks
 
 _BODY_RADIUS = Human(1, Pose(0.0, 0.0)).shape.circumradius  # m: bodies are apart however they turn
 _ALLOWED_OVERLAP = 0.03  # m, of outlines at the start; the physics separates them soon
-_ITERATIONS = 200
-WALKING_SPEED = 0.3  # m/s; slower steps are not used to estimate the desired speed
+_ITERATIONS = 200  # steps in which bodies are moved apart, at most
+_WALKING_SPEED = 0.3  # m/s; slower steps are not used to estimate the desired speed
 _STANDING_RADIUS = 0.5  # m; a pedestrian who never leaves this circle around the first position stands
 _MINIMUM_WALKING_TIME = 2.0  # s; a shorter walk does not show the desired speed
 _VELOCITY_WINDOW = 0.8  # s, over which the velocity at the start is averaged
@@ -124,7 +124,7 @@ def scenario_from_tracks(
 
 
 @dataclass(frozen=True, slots=True)
-class Track:
+class _Track:
     """Track of one pedestrian with K observations.
 
     Attributes:
@@ -139,15 +139,15 @@ class Track:
     position: Array
     group: int = 0
 
-    def within(self, start: float, end: float) -> Track | None:
+    def within(self, start: float, end: float) -> _Track | None:
         """Return the part in a time window, with times from its start; None with fewer than two observations."""
         inside = (self.time >= start - 1e-9) & (self.time <= end + 1e-9)
         if np.count_nonzero(inside) < 2:
             return None
-        return Track(self.id, np.maximum(self.time[inside] - start, 0.0), self.position[inside], self.group)
+        return _Track(self.id, np.maximum(self.time[inside] - start, 0.0), self.position[inside], self.group)
 
 
-def _read_tracks(path: Path, frame_time: float | None) -> tuple[list[Track], float, float | None]:
+def _read_tracks(path: Path, frame_time: float | None) -> tuple[list[_Track], float, float | None]:
     """All tracks, the median time between observations, s, and the desired speed of all pedestrians if it is given."""
     options = Options(frame_time=frame_time)
     is_trajnet = path.suffix == ".ndjson"
@@ -157,7 +157,7 @@ def _read_tracks(path: Path, frame_time: float | None) -> tuple[list[Track], flo
     return tracks, step, None if is_trajnet else csv_tracks.desired_speed_beside(path)
 
 
-def _split_tracks(observations: Tracks) -> tuple[list[Track], float]:
+def _split_tracks(observations: Tracks) -> tuple[list[_Track], float]:
     """Split the observations of a file into one track per pedestrian.
 
     Frame numbers need not lie on a regular grid.
@@ -183,14 +183,14 @@ def _split_tracks(observations: Tracks) -> tuple[list[Track], float]:
     shift, group = 1 - min(1, int(ped[0])), observations.group or {}
     parts = zip(np.split(ped, cuts), np.split(time, cuts), np.split(position, cuts), strict=True)
     tracks = [
-        Track(int(ids[0]) + shift, times, positions, group.get(int(ids[0]), 0)) for ids, times, positions in parts
+        _Track(int(ids[0]) + shift, times, positions, group.get(int(ids[0]), 0)) for ids, times, positions in parts
     ]
     for track in tracks:
         _check_continuity(track, median_step)
     return tracks, median_step
 
 
-def _check_continuity(track: Track, median_step: float) -> None:
+def _check_continuity(track: _Track, median_step: float) -> None:
     steps = np.diff(track.time)
     if (steps < 1e-9).any():
         raise ValueError(f"person {track.id} is in two places at {track.time[int(np.argmin(steps))]:g} s")
@@ -201,7 +201,7 @@ def _check_continuity(track: Track, median_step: float) -> None:
             f"person {track.id} is not observed from {before:g} to {after:g} s; fill the gap, or give the track"
             " after it another id"
         )
-    speed = speeds(track)
+    speed = _speeds(track)
     if len(speed) and speed.max() > MAX_PERSON_SPEED:
         k = int(np.argmax(speed))
         raise ValueError(
@@ -210,13 +210,13 @@ def _check_continuity(track: Track, median_step: float) -> None:
         )
 
 
-def speeds(track: Track) -> Array:
+def _speeds(track: _Track) -> Array:
     """Return the speeds between successive observations; (K - 1,), m/s."""
     step = np.diff(track.position, axis=0)
     return np.asarray(np.hypot(step[:, 0], step[:, 1]) / np.diff(track.time), dtype=float)
 
 
-def _in_window(tracks: list[Track], start: float, end: float, path: Path) -> list[tuple[Track, Track]]:
+def _in_window(tracks: list[_Track], start: float, end: float, path: Path) -> list[tuple[_Track, _Track]]:
     """The pedestrians who are present in a time window: that part of each track, and the whole track."""
     parts = [(part, whole) for whole in tracks if (part := whole.within(start, end)) is not None]
     if not parts:
@@ -233,7 +233,7 @@ def _check_replay_ids(replay: set[int], ids: list[int], path: Path) -> None:
         raise ConfigError(f"{path}: no pedestrian in the time window has the id {id}; the ids are {shown}")
 
 
-def _replayed_person(track: Track, whole: Track, default_speed: float | None) -> JsonDict:
+def _replayed_person(track: _Track, whole: _Track, default_speed: float | None) -> JsonDict:
     """Return the scenario row of a pedestrian who is moved along the recorded track.
 
     Args:
@@ -248,7 +248,7 @@ def _replayed_person(track: Track, whole: Track, default_speed: float | None) ->
     return {"id": track.id} | _group(track) | _desired_speed(whole, default_speed) | {"track": rows}
 
 
-def _simulated_person(track: Track, whole: Track, end: float, default_speed: float | None) -> JsonDict:
+def _simulated_person(track: _Track, whole: _Track, end: float, default_speed: float | None) -> JsonDict:
     """Return the scenario row of a pedestrian who starts as recorded and walks to the recorded destination.
 
     Args:
@@ -277,14 +277,14 @@ def _simulated_person(track: Track, whole: Track, end: float, default_speed: flo
     return row | {"exits": True} | _group(track) | _desired_speed(whole, default_speed)
 
 
-def _group(track: Track) -> JsonDict:
+def _group(track: _Track) -> JsonDict:
     return {"group": track.group} if track.group > 0 else {}
 
 
-def _desired_speed(whole: Track, default: float | None) -> JsonDict:
+def _desired_speed(whole: _Track, default: float | None) -> JsonDict:
     """The mean speed while walking, where the pedestrian walks long enough to show it."""
-    speed, duration = speeds(whole), np.diff(whole.time)
-    walking = speed > WALKING_SPEED
+    speed, duration = _speeds(whole), np.diff(whole.time)
+    walking = speed > _WALKING_SPEED
     if duration[walking].sum() < _MINIMUM_WALKING_TIME:
         return {} if default is None else {"desired_speed": default}
     mean = float((speed * duration)[walking].sum() / duration[walking].sum())

@@ -8,14 +8,14 @@ import numpy as np
 
 from ..core.entities import Furniture
 from ..core.files.limits import MAX_GRID_CELLS
-from ..core.geometry import Disc, inside_polygon
+from ..core.geometry import Barriers, Disc, inside_polygon
 from ..core.portable_math import Array, BoolArray
 from ..core.scene import Scene
 from ..record.layout import JsonDict
 
-_CELL = 0.05  # m
-UNKNOWN, FREE, OCCUPIED = -1, 0, 1
-_RIM = 5  # unknown cells around the room
+_CELL_SIZE = 0.05  # m
+UNKNOWN, FREE, OCCUPIED = -1, 0, 1  # values of cells
+_RIM_CELLS = 5  # number of unknown cells on each side of the room
 
 
 def occupancy_grid(scene: Scene) -> JsonDict:
@@ -30,9 +30,11 @@ def occupancy_grid(scene: Scene) -> JsonDict:
         cells from the bottom up.
     """
     low, high = scene.outline.min(axis=0), scene.outline.max(axis=0)
-    cell = _CELL * math.ceil(max(float((high - low).max()) / (_CELL * (MAX_GRID_CELLS - 2 * _RIM)), 1.0))
-    origin = np.floor(low / cell) * cell - _RIM * cell
-    width, height = (math.ceil((high[k] - origin[k]) / cell - 1e-9) + _RIM for k in (0, 1))
+    cell = _CELL_SIZE * math.ceil(
+        max(float((high - low).max()) / (_CELL_SIZE * (MAX_GRID_CELLS - 2 * _RIM_CELLS)), 1.0)
+    )
+    origin = np.floor(low / cell) * cell - _RIM_CELLS * cell
+    width, height = (math.ceil((high[k] - origin[k]) / cell - 1e-9) + _RIM_CELLS for k in (0, 1))
     x, y = (origin[k] + (np.arange(count) + 0.5) * cell for k, count in ((0, width), (1, height)))
     centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     cells = np.where(inside_polygon(centres, scene.outline), FREE, UNKNOWN)
@@ -51,21 +53,12 @@ def occupancy_grid(scene: Scene) -> JsonDict:
 def _occupied(scene: Scene, points: Array, cell: float) -> BoolArray:
     """(M,), whether points (M, 2) are occupied."""
     occupied = np.zeros(len(points), dtype=bool)
-    for wall in scene.walls:
-        occupied |= _near_segment(points, np.array(wall.start), np.array(wall.end), cell * math.sqrt(0.5))
+    for wall in scene.walls:  # one at a time, to limit the memory
+        occupied |= Barriers.of([(wall.start, wall.end, 0.0)]).gaps(points)[0] <= cell * math.sqrt(0.5)
     for thing in scene.furniture:
         if thing.on is None:  # a thing on another one adds no footprint
             occupied |= _inside(points, thing)
     return occupied
-
-
-def _near_segment(points: Array, start: Array, end: Array, distance: float) -> BoolArray:
-    """Whether points are within a distance of a segment; one segment at a time, to limit the memory."""
-    along = end - start
-    square = float(along @ along)
-    fraction = np.clip((points - start) @ along / square, 0.0, 1.0) if square else np.zeros(len(points))
-    offset = points - start - fraction[:, None] * along
-    return np.hypot(offset[:, 0], offset[:, 1]) <= distance
 
 
 def _inside(points: Array, thing: Furniture) -> BoolArray:

@@ -24,15 +24,15 @@ from typing import Any
 import orjson
 
 from ..core.files.locations import file_names, make_folder
+from ..core.files.optional import optional
 from ..core.files.whole_file import whole_file
-from ..core.relations import ACTIVITIES
 from ..core.wording import one_line
 from ..errors import RecordError
 from ..record.files import write_atomically
 from ..record.layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from ..record.record import EpisodeRecord
 from ..record.tables import JSON_KEYS, TABLES, tables_of
-from .format import Format, Options
+from .format import Format, Options, Tables
 from .importing import document_of, parsing
 
 NAME = "parquet"
@@ -41,8 +41,8 @@ _JOINED = 64  # tables of episodes that are joined at a time
 
 
 @dataclass(frozen=True, slots=True)
-class PackedEpisode:
-    """The rows of one episode.
+class _PackedEpisode:
+    """The rows of an episode, as workers send them.
 
     Attributes:
         path: of its file, for messages.
@@ -55,7 +55,7 @@ class PackedEpisode:
     tables: dict[str, bytes]
 
 
-def pack(record: EpisodeRecord, key: str) -> PackedEpisode:
+def pack(record: EpisodeRecord, key: str) -> _PackedEpisode:
     """The rows of an episode.
 
     Args:
@@ -72,75 +72,27 @@ def pack(record: EpisodeRecord, key: str) -> PackedEpisode:
         with pa.ipc.new_stream(sink, schemas[name]) as writer:
             writer.write_table(pa.table(columns, schema=schemas[name]))
         tables[name] = sink.getvalue().to_pybytes()
-    return PackedEpisode(record.path, key, tables)
+    return _PackedEpisode(record.path, key, tables)
 
 
-def export_all(episodes: Iterator[PackedEpisode], out: Path) -> list[Path]:
-    """Write the tables of all episodes into a folder; only a few episodes are held in memory.
+def write(episodes: Iterator[_PackedEpisode], out: Path, number: int | None) -> list[Path]:
+    """Write the tables of episodes into a folder, all of them or none; only a few episodes are held in memory.
 
     Args:
         episodes: see `pack`.
         out: the folder; created if needed.
+        number: of the part, whose tables have names such as `agents-00007.parquet`; None: `agents.parquet`.
 
     Returns:
-        The tables and their README.md.
+        The tables.
 
     Raises:
         RecordError: pyarrow is not installed, two episodes have the same file name, or a file cannot be written.
     """
     if out.exists() and not out.is_dir():
         raise RecordError(f"{out} is a file; the tables need a folder, choose another name")
-    files = _write_tables(episodes, out, {name: out / f"{name}.parquet" for name in TABLES})
-    _remove_parts(out, 0)
-    return [*files, _write_readme(out, is_in_parts=False)]
-
-
-def export_part(episodes: Iterator[PackedEpisode], out: Path, number: int) -> list[Path]:
-    """Write the tables of some episodes into files of their own, such as `agents-00007.parquet`.
-
-    Args:
-        episodes: see `pack`.
-        out: the folder.
-        number: of the part.
-
-    Returns:
-        The tables.
-
-    Raises:
-        RecordError: as of `export_all`.
-    """
-    return _write_tables(episodes, out, {name: out / f"{name}-{number:05d}.parquet" for name in TABLES})
-
-
-def finish_parts(out: Path, count: int) -> list[Path]:
-    """Write the README.md of a folder of parts, and remove the tables of a former export.
-
-    Args:
-        out: the folder.
-        count: number of parts.
-
-    Returns:
-        The file.
-
-    Raises:
-        RecordError: it cannot be written.
-    """
-    _remove_parts(out, count)
-    for name in TABLES:
-        (out / f"{name}.parquet").unlink(missing_ok=True)
-    return [_write_readme(out, is_in_parts=True)]
-
-
-def _remove_parts(out: Path, first: int) -> None:
-    """Remove the tables in parts of a former export, from the number of a part on."""
-    for file in file_names(out):
-        name, _, number = file.removesuffix(".parquet").rpartition("-")
-        if name in TABLES and number.isdecimal() and int(number) >= first:
-            (out / file).unlink(missing_ok=True)
-
-
-def _write_tables(episodes: Iterator[PackedEpisode], out: Path, files: dict[str, Path]) -> list[Path]:
-    """Write the tables of episodes into the given files, by name; all of them, or none."""
+    ending = ".parquet" if number is None else f"-{number:05d}.parquet"
+    files = {name: out / f"{name}{ending}" for name in TABLES}
     pa, pq = _pyarrow()
     schemas = _schemas(pa)
     options = {"write_page_checksum": True, "compression": "zstd"}
@@ -159,10 +111,32 @@ def _write_tables(episodes: Iterator[PackedEpisode], out: Path, files: dict[str,
     return [*files.values()]
 
 
-def _write_readme(out: Path, *, is_in_parts: bool) -> Path:
-    path = out / "README.md"
-    write_atomically(path, _readme(is_in_parts).encode())
-    return path
+def finish(out: Path, parts: int) -> list[Path]:
+    """Write the README.md of a folder, and remove the tables of a former export.
+
+    Args:
+        out: the folder.
+        parts: number of parts; 0: the tables are not divided.
+
+    Returns:
+        The file.
+
+    Raises:
+        RecordError: it cannot be written.
+    """
+    for file in file_names(out):
+        name, _, number = file.removesuffix(".parquet").rpartition("-")
+        if name in TABLES and number.isdecimal() and int(number) >= parts:
+            (out / file).unlink(missing_ok=True)
+    for name in TABLES if parts else ():
+        (out / f"{name}.parquet").unlink(missing_ok=True)
+    ending = "-*.parquet" if parts else ".parquet"
+    configs = "".join(f'- config_name: {name}\n  data_files: "{name}{ending}"\n' for name in TABLES)
+    # the description of the tables is the table of this module's docstring
+    description = [line for line in (__doc__ or "").splitlines() if line.startswith("|")]
+    lines = [f"---\nconfigs:\n{configs}---", "# Episodes of sonata2d as tables", "", *description, ""]
+    write_atomically(out / "README.md", "\n".join(lines).encode())
+    return [out / "README.md"]
 
 
 @contextmanager
@@ -175,7 +149,7 @@ def _closing(writer: Any) -> Iterator[Any]:
         writer.is_open = False
 
 
-def _write_all(pa: Any, episodes: Iterator[PackedEpisode], writers: dict[str, Any]) -> None:
+def _write_all(pa: Any, episodes: Iterator[_PackedEpisode], writers: dict[str, Any]) -> None:
     """Write the rows of each episode, in row groups of about 100 000 rows or 16 MB."""
     waiting: dict[str, list[Any]] = {name: [] for name in TABLES}
     names: set[bytes] = set()  # 8 bytes of each, as there may be millions
@@ -206,12 +180,7 @@ def _pyarrow() -> tuple[Any, Any]:
     Raises:
         RecordError: pyarrow is not installed; names the package to install.
     """
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    except ImportError as error:
-        raise RecordError(f"{NAME} needs pyarrow: pip install 'sonata2d[parquet]'") from error
-    return pa, pq
+    return optional("pyarrow", RecordError), optional("pyarrow.parquet", RecordError)
 
 
 def _schemas(pa: Any) -> dict[str, Any]:
@@ -237,14 +206,6 @@ def _schemas(pa: Any) -> dict[str, Any]:
         "interactions": frame_key | {"src": integer, "relation": text, "dst": integer},
     }
     return {name: pa.schema(list(columns.items())) for name, columns in tables.items()}
-
-
-def _readme(is_in_parts: bool) -> str:
-    """README.md of the folder; the description of the tables is the table of this module's docstring."""
-    ending = "-*.parquet" if is_in_parts else ".parquet"
-    configs = "".join(f'- config_name: {name}\n  data_files: "{name}{ending}"\n' for name in TABLES)
-    description = [line for line in (__doc__ or "").splitlines() if line.startswith("|")]
-    return "\n".join([f"---\nconfigs:\n{configs}---", "# Episodes of sonata2d as tables", "", *description, ""])
 
 
 def import_(path: Path, options: Options) -> Iterator[JsonDict]:
@@ -309,14 +270,13 @@ def _document(
 ) -> JsonDict:
     """The document, with keys in the order of the recorder."""
     header = orjson.loads(episode["header"])
-    activities = header.get("activities", list(ACTIVITIES))
     column = {human["id"]: k for k, human in enumerate(header["humans"])}
     humans: dict[int, list[Any]] = {row["tick"]: [None] * len(column) for row in frames}
     activity = {row["tick"]: [ABSENT] * len(column) for row in frames}
     edges: dict[int, list[Any]] = {row["tick"]: [] for row in frames}
     for row in agents:
         humans[row["tick"]][column[row["human_id"]]] = [row[key] for key in HUMAN_NAMES]
-        activity[row["tick"]][column[row["human_id"]]] = activities.index(row["activity"])
+        activity[row["tick"]][column[row["human_id"]]] = header["activities"].index(row["activity"])
     for row in interactions:
         edges[row["tick"]].append([row["src"], row["relation"], row["dst"]])
     states = [_frame(row, humans[row["tick"]], activity[row["tick"]], edges[row["tick"]]) for row in frames]
@@ -347,8 +307,5 @@ FORMAT = Format(
     "four tables that join: episodes, frames, agents, interactions",
     ".parquet",
     import_,
-    export_all=export_all,
-    pack=pack,
-    export_part=export_part,
-    finish_parts=finish_parts,
+    tables=Tables(pack, write, finish),
 )

@@ -18,7 +18,7 @@ from .occupancy import occupancy_grid
 from .socnav3_import import EXTRAS, NAME, import_
 
 TYPES = ("chair", "table", "plant", "tv", "shelf", "floor_lamp")
-ANY_TYPE = "*"  # key of `Options.types` for all types of solid objects that have no key of their own
+_ANY_TYPE = "*"  # key of `Options.types` for all types of solid objects that have no key of their own
 # The loader of the format requires a context that is a row of its table; this row states as little as possible.
 DEFAULT_CONTEXT = "A robot is performing routine tasks in a home."
 _EXTRA_STEP_KEYS = ("activity", "interactions", "contacts", "command", "executed", "guarded", "events", "label")
@@ -68,7 +68,7 @@ def _written_type(thing: Furniture, options: Options) -> str | None:
     if thing.type in TYPES:
         return thing.type
     name = options.types.get(thing.type) or furniture_type(thing.type).names.get(NAME)
-    return name or (options.types.get(ANY_TYPE) if _must_be_written(thing) else None)
+    return name or (options.types.get(_ANY_TYPE) if _must_be_written(thing) else None)
 
 
 def _must_be_written(thing: Furniture) -> bool:
@@ -151,7 +151,7 @@ def _people(record: EpisodeRecord, rows: list[list[float]], present: list[bool])
 
     SocNav3 itself has no keys for the latter.
 
-    Readers match the pedestrians of two steps by id, and mask those who are in one of them only.
+    Readers match the pedestrians of two steps by id, and mask pedestrians who are in one of them only.
     """
     return [
         {

@@ -77,7 +77,7 @@ def _human_rows(people: list[JsonDict], ids: list[int], step: int) -> list[list[
     table = numbers(people, ("id", "x", "y", "angle", "vx", "vy", "omega", "head"), f"people at step {step}")
     rows = dict(zip(table[:, 0].tolist(), rounded_rows(table[:, 1:], HUMAN_ANGLES).tolist(), strict=True))
     if len(rows) != len(people) or not set(rows) <= set(map(float, ids)):
-        raise ValueError(f"ids of people at step {step} are not unique, or not among those of the header, {ids}")
+        raise ValueError(f"ids of people at step {step} are not unique, or not among the ids of the header, {ids}")
     return [rows.get(float(id)) for id in ids]
 
 
@@ -226,5 +226,7 @@ def _radius(shape: JsonDict) -> float:
 def _read_goal(goal: JsonDict) -> JsonDict:
     x, y, theta = numbers([goal], ("x", "y", "angle"), "the goal")[0].tolist()
     keys = {"distance": "pos_threshold", "angle": "angle_threshold"}
-    given = {name: float(rounded(numbers([goal], (key,), "goal"))[0, 0]) for name, key in keys.items() if key in goal}
-    return goal_of([x, y], theta, **given)
+    tolerances = {
+        name: float(rounded(numbers([goal], (key,), "goal"))[0, 0]) for name, key in keys.items() if key in goal
+    }
+    return goal_of([x, y], theta, **tolerances)

@@ -15,6 +15,7 @@ from ..core.geometry import Disc, Shape
 from ..core.portable_math import Array, IntArray
 from ..core.relations import ACTIVITIES, AT_LAPTOP, ORIGINAL_RELATIONS, RELATION, RELATIONS
 from ..core.scene import Scene
+from ..core.vectors import wrap_angles
 from ..errors import RecordError
 from ..record.canonical import rounded, rounded_rows
 from ..record.files import safe_stem, safe_text
@@ -44,11 +45,6 @@ _EPISODE_OFFSET = 3600.0  # s between the nominal starts of episodes
 _PERIOD = 0.1  # s; the original saved a frame when more time than this had passed
 
 
-def _wrap(angles: Array) -> Array:
-    """The equivalent angles in (-pi, pi]; not `core.vectors.wrap_angles`, whose last bits differ from files of 0.1."""
-    return np.asarray(np.pi - (np.pi - angles) % (2 * np.pi))
-
-
 def export(record: EpisodeRecord, options: Options) -> bytes:
     """Return the frame list of an episode.
 
@@ -62,7 +58,7 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
     steps = np.zeros(poses.shape)  # the format's velocities: previous pose minus this one, per frame
     steps[1:] = poses[:-1] - poses[1:]
     if not options.original:  # the original's angular velocities jump by 2 pi
-        steps[..., THETA] = _wrap(steps[..., THETA])
+        steps[..., THETA] = wrap_angles(steps[..., THETA])
     commands = _joystick(record, ticks)
     columns: tuple[Any, ...] = (
         ticks,
@@ -131,7 +127,7 @@ def _local_poses(record: EpisodeRecord, ticks: list[int]) -> Array:
     world = np.concatenate((people, objects), axis=1)
     robot = states.robot[ticks][:, None, POSE]
     position = _to_robot_frame(world[..., POSITION], robot)
-    angle = -_wrap(world[..., THETA] - robot[..., THETA] + np.pi / 2)
+    angle = -wrap_angles(world[..., THETA] - robot[..., THETA] + np.pi / 2)
     return np.concatenate((position, angle[..., None]), axis=-1)
 
 
@@ -311,7 +307,7 @@ def _robot_poses(landmarks: Array) -> Array:
     worst = np.hypot(residual[..., 0], residual[..., 1]).max(axis=1)
     if worst.max() > _TOLERANCE:
         raise ValueError(f"its walls move by {worst.max():.2f} m at frame {int(np.argmax(worst))}")
-    return np.concatenate((position, _wrap(turn + np.pi / 2)[:, None]), axis=1)
+    return np.concatenate((position, wrap_angles(turn + np.pi / 2)[:, None]), axis=1)
 
 
 def _check_static(positions: Array, names: list[str]) -> None:
@@ -336,7 +332,7 @@ def _to_world(
     position = _rotate(bodies[..., POSITION], turn) + robot[:, None, POSITION]
     static = np.concatenate((position[:, count:], _rotate(goal, turn) + robot[:, None, POSITION]), axis=1)
     _check_static(static, [*(f"object {id}" for id in objects), "the goal"])
-    poses = np.concatenate((position, _wrap(turn - bodies[..., THETA])[..., None]), axis=-1)
+    poses = np.concatenate((position, wrap_angles(turn - bodies[..., THETA])[..., None]), axis=-1)
     humans = estimates.with_velocities(time, poses[:, :count])
     ids = {*people, *objects}
     interactions = [_read_interactions(frame["interaction"], set(people), ids) for frame in frames]

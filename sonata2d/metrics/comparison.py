@@ -13,7 +13,7 @@ from typing import Any, overload
 
 from ..core.files.locations import location, make_folder
 from ..core.files.optional import optional
-from ..core.notebook import ProgressBar, bar_of
+from ..core.notebook import Advance, ProgressBar, bar_of
 from ..core.wording import counted
 from ..datasets.dataset import Dataset
 from ..datasets.manifest import write_json
@@ -174,13 +174,11 @@ class Comparison(Sequence[Evaluation]):
             RenderError: the suffix is unknown, matplotlib is not installed, or the plot cannot be written.
             RecordError: an episode file cannot be read, or the page or the numbers cannot be written.
         """
-        from .evaluation_page import page_of  # loads pygame
-
         path, suffix = location(path), location(path).suffix.lower()
         make_folder(path.parent)
         if suffix in (".html", ".htm"):
             with bar_of(progress)(len(self), "film strips") as advance:
-                page = page_of(self.evaluations, self._files(), self._page_metrics(), advance)
+                page = self._page(advance)
             write_atomically(path, page.encode())
         elif suffix == ".json":
             write_json(path, self.to_json())
@@ -197,9 +195,8 @@ class Comparison(Sequence[Evaluation]):
             RecordError: an episode file cannot be read.
         """
         from ..view.notebook_views import show_page
-        from .evaluation_page import page_of
 
-        show_page(page_of(self.evaluations, self._files(), self._page_metrics()), height=800)
+        show_page(self._page(), height=800)
 
     def save_metrics(self, labels: Iterable[str] | None = None) -> None:
         """Write `metrics.json` into the folder of each data set; parts of data sets and other files get none.
@@ -233,11 +230,11 @@ class Comparison(Sequence[Evaluation]):
         counts = " or ".join(map(str, sorted({len(each.episodes) for each in self.evaluations})))
         return f"{scenarios}: {counts} episodes each; shares with 95 % Wilson intervals; means with bootstrap intervals"
 
-    def _files(self) -> list[Sequence[Path]]:
-        return [dataset.files for dataset in self.datasets.values()]
+    def _page(self, advance: Advance = lambda step: None) -> str:
+        from .evaluation_page import page_of  # loads pygame
 
-    def _page_metrics(self) -> tuple[Metric, ...] | None:
-        return self.metrics if self._is_selected else None
+        files = [dataset.files for dataset in self.datasets.values()]
+        return page_of(self.evaluations, files, self.metrics if self._is_selected else None, advance)
 
     def _records(self) -> list[dict[str, Any]]:
         """The label, the facts and the metrics of each episode."""

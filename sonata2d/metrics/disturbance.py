@@ -21,7 +21,7 @@ from ..version import PHYSICS_VERSION
 from .definition import metric
 from .trajectory import Trajectory
 
-_FAR = 100.0  # m outside the room: where the robot stands, ignored, in the run without a robot
+_DISTANCE_FROM_ROOM = 100.0  # m, where the robot stands, ignored, in the run without a robot
 
 
 class _StandStill(Controller):
@@ -90,7 +90,7 @@ def _walks(human: Human) -> bool:
 def _scene_without_robot(scene: Scene) -> Scene:
     """The scene with its robot far away and ignored, so that random streams are drawn as with the robot."""
     x, y = scene.outline.max(axis=0).tolist()
-    robot: Robot = replace(scene.robot, pose=Pose(x + _FAR, y + _FAR))
+    robot: Robot = replace(scene.robot, pose=Pose(x + _DISTANCE_FROM_ROOM, y + _DISTANCE_FROM_ROOM))
     humans = tuple(replace(human, reacts_to_robot=0.0) for human in scene.humans)
     return replace(scene, robot=robot, humans=humans, rules=replace(scene.rules, ends_on=()))
 

@@ -30,14 +30,14 @@ from .summary import FEW, LEVEL, Share
 from .templates import render
 from .trajectory import Trajectory
 
-_OUTCOMES = {
-    "goal": "goal reached without collision",
-    "goal-collision": "goal reached after a collision",
-    "timeout": "time limit reached",
-    "contact": "ended by a contact",
-    "stopped": "stopped by the controller or a person",
-    "regenerate": "new scene requested",
-    "error": "error in the controller",
+_OUTCOMES = {  # text and colour
+    "goal": ("goal reached without collision", "#009e73"),
+    "goal-collision": ("goal reached after a collision", "#56b4e9"),
+    "timeout": ("time limit reached", "#e69f00"),
+    "contact": ("ended by a contact", "#d55e00"),
+    "stopped": ("stopped by the controller or a person", "#cc79a7"),
+    "regenerate": ("new scene requested", "#f0e442"),
+    "error": ("error in the controller", "#8b929c"),
 }
 _MOMENTS = 6  # pictures of a film strip
 _COLLISIONS = ("collisions", "object_collisions", "wall_collisions", "person_on_robot")  # beside the headline metrics
@@ -78,8 +78,8 @@ def page_of(
     """
     shown = page_metrics() if metrics is None else metrics
     strips = []
-    for evaluation, its_files in zip(evaluations, files, strict=True) if files else ():
-        strips.append(_film_strips(evaluation.episodes, its_files))
+    for evaluation, evaluation_files in zip(evaluations, files, strict=True) if files else ():
+        strips.append(_film_strips(evaluation.episodes, evaluation_files))
         advance(1)
     kinds = outcome_kinds(evaluations)
     constants = {metric: constant_of(evaluations, metric) for metric in shown}
@@ -280,8 +280,8 @@ def _strip(title: str, why: str, episode: Measured, file: Path) -> dict[str, Any
 def _event(trajectory: Trajectory) -> tuple[int | None, str]:
     """Index and description of the most informative state.
 
-    This is the first collision, those caused by the robot and those with humans first; without collisions the state
-    of the smallest clearance to a human; None without humans.
+    This is the first collision: of collisions caused by the robot, else with humans, else of any. Without collisions it
+    is the state of the smallest clearance to a human; None without humans.
     """
     if trajectory.collisions:
         first = min(trajectory.collisions, key=lambda c: (not c.robot_at_fault, c.kind != "human", c.first))

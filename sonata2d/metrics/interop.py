@@ -1,4 +1,4 @@
-"""Metrics of the same names as other projects define them, to compare with numbers published by those projects.
+"""Metrics of the same names as other projects define them, to compare with numbers that these projects publish.
 
 The definitions were read in the sources of SocNavGym (`socnavenv_v1.py`), HuNavSim (`hunav_metrics.py`) and SocNav3
 (`metrics.py` of its baseline). Where code and documentation of a project differ, the variant follows the code.

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".png", ".pdf", ".svg")
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")  # Okabe & Ito
-_COLUMNS = 3
+_COLUMNS = 3  # number of panels side by side
 _MAX_NAME = 26  # characters of a name in pictures and pages
-_PANEL = (2.4, 0.55)  # inches: width of a panel, height without its rows
-_ROW = 0.24  # inches, height of one evaluation
+_PANEL_INCHES = (2.4, 0.55)  # width of a panel, height without its rows
+_ROW_INCHES = 0.24  # height of one evaluation
 
 
 def short_names(labels: Sequence[str]) -> list[str]:
@@ -99,9 +99,9 @@ def figure_of(evaluations: Sequence[Evaluation], metrics: Sequence[Metric], *, t
 
     Args:
         evaluations: one or more; each has the same colour in all panels.
-        metrics: those that are not defined in any episode are left out. Metrics that are 0 or 1, or count events, are
-            shown as shares of episodes with Wilson intervals; of others a dot is the mean, a thick line its interval
-            and a thin line the middle half of the episodes.
+        metrics: metrics that are not defined in any episode are left out. Metrics that are 0 or 1, or count events,
+            are shown as shares of episodes with Wilson intervals; of others a dot is the mean, a thick line its
+            interval and a thin line the middle half of the episodes.
         title: above all panels.
 
     Raises:
@@ -113,8 +113,8 @@ def figure_of(evaluations: Sequence[Evaluation], metrics: Sequence[Metric], *, t
     from matplotlib.figure import Figure
 
     rows = -(-len(shown) // _COLUMNS)
-    height = rows * (_PANEL[1] + len(evaluations) * _ROW) + (0.4 if title else 0.1)
-    figure = Figure(figsize=(_PANEL[0] * _COLUMNS + 1.2, height), layout="constrained")
+    height = rows * (_PANEL_INCHES[1] + len(evaluations) * _ROW_INCHES) + (0.4 if title else 0.1)
+    figure = Figure(figsize=(_PANEL_INCHES[0] * _COLUMNS + 1.2, height), layout="constrained")
     if title:
         figure.suptitle(title, fontsize=9, parse_math=False)
     names = short_names([evaluation.label for evaluation in evaluations])

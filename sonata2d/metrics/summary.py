@@ -15,7 +15,7 @@ from ..core.portable_math import Array, IntArray
 LEVEL = 0.95  # of confidence intervals
 FEW = 20  # episodes; with fewer, confidence intervals are too narrow
 RESAMPLES = 2000  # of the bootstrap
-_AT_ONCE = 1_000_000  # values drawn at a time, which bounds the memory
+_MAX_DRAWN = 1_000_000  # values drawn at a time, which bounds the memory
 
 Values = Mapping[str, float | None]  # of one episode, by metric
 
@@ -63,7 +63,7 @@ class Summary:
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """Number of episodes in which something happened, out of those in which the metric is defined."""
+    """Number of episodes in which something happened, out of the episodes in which the metric is defined."""
 
     count: int
     total: int
@@ -87,7 +87,7 @@ def format_number(value: float) -> str:
 
 
 def summarise(values: Sequence[float | None], *, resamples: int = RESAMPLES, seed: int = 0) -> Summary:
-    """Summarise one metric of many episodes, leaving out those in which it is not defined.
+    """Summarise one metric of many episodes, leaving out episodes in which it is not defined.
 
     Args:
         values: one per episode; None where the metric is not defined.
@@ -149,11 +149,11 @@ def bootstrap_interval(
 def _bootstrap_interval(buffer: bytes, level: float, resamples: int, seed: int) -> Interval:
     values = np.frombuffer(buffer)
     count = len(values)
-    if resamples * count <= _AT_ONCE:
+    if resamples * count <= _MAX_DRAWN:
         means = values[_resampled(count, resamples, seed)].mean(axis=1)
     else:
         generator = np.random.Generator(np.random.PCG64(seed))
-        means, rows = np.empty(resamples), max(_AT_ONCE // count, 1)
+        means, rows = np.empty(resamples), max(_MAX_DRAWN // count, 1)
         for start in range(0, resamples, rows):
             part = means[start : start + rows]
             part[:] = values[generator.integers(0, count, size=(len(part), count))].mean(axis=1)

@@ -131,8 +131,8 @@ def test_recorded_settings_reconstruct_the_controller_and_its_inner_one(
     path = tmp_path / "run.json"
     with s2.JsonRecorder(path) as recorder:
         Episode(room([walker(1, 0.0, 0.5)], rules=Rules(time_limit=4.0)), driver, observers=[recorder]).run()
-    assert check_replay(path) == []
-    assert check_rerun(path) == []
+    assert check_replay(read_episode(path)) == []
+    assert check_rerun(read_episode(path)) == []
     recorded = read_episode(path).controller_info
     assert load_controller(recorded.path, recorded.settings or {}).settings() == recorded.settings
 

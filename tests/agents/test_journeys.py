@@ -20,7 +20,7 @@ from sonata2d.core.geometry import Disc, Pose, Rectangle
 from sonata2d.core.relations import WALKING_TOGETHER
 from sonata2d.core.scene import Rules, Scene, Social
 from sonata2d.core.snapshot import Snapshot
-from sonata2d.datasets import check_episode
+from sonata2d.datasets import verify
 from sonata2d.datasets.check.replay import check_replay, check_rerun
 from sonata2d.record.reader import read_episode
 from sonata2d.record.recorder import JsonRecorder
@@ -296,9 +296,9 @@ def record_busy_episode(file: str) -> None:
 def test_an_episode_with_everything_is_plausible_and_is_replayed_to_the_byte(tmp_path: Path) -> None:
     path = tmp_path / "busy.json"
     record_busy_episode(str(path))
-    assert [problem for problem in check_episode(path) if problem] == []
-    assert check_replay(path) == []
-    assert check_rerun(path) == []
+    assert [problem for problem in verify(path) if problem] == []
+    assert check_replay(read_episode(path)) == []
+    assert check_rerun(read_episode(path)) == []
     activities = set(read_episode(path).states.activity.ravel().tolist())
     assert {-1, 0, 1, 6, 7} <= activities
 

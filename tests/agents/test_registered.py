@@ -16,6 +16,7 @@ import sonata2d as s2
 import sonata2d.datasets
 from sonata2d.datasets.check.replay import check_replay
 from sonata2d.errors import ConfigError, ControllerError, RecordError
+from sonata2d.record.reader import read_episode
 from sonata2d.registry import METRICS, PEDESTRIAN_MODELS
 
 from ..datasets.test_generate import contents
@@ -69,7 +70,7 @@ def test_a_registered_model_is_used_in_this_process_and_in_workers(tmp_path: Pat
         dataset = s2.generate_dataset(tmp_path / str(workers), config(), "orca", episodes=6, workers=workers)
     assert contents(tmp_path / "1") == contents(tmp_path / "2")
     assert max(walked(record) for record in dataset) > 1.0
-    assert check_replay(dataset.files[0]) == []
+    assert check_replay(read_episode(dataset.files[0])) == []
     comparison = s2.evaluate("orca", config(), episodes=6, workers=2)
     assert comparison["orca"].summary("human_slowing").n > 0  # runs without the robot are run in the workers too
 

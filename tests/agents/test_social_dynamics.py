@@ -203,7 +203,7 @@ def test_a_lively_episode_gives_the_same_bytes_and_replays(tmp_path: Path) -> No
     record = read_episode(path)
     assert record.scene() == scene
     assert len({str(frame["interactions"]) for frame in record.document["frames"]}) > 2
-    assert check_replay(path) == []
+    assert check_replay(read_episode(path)) == []
 
 
 def test_others_walk_round_people_who_talk() -> None:

@@ -26,7 +26,7 @@ from sonata2d.collect.rating import (
     read_ratings,
 )
 from sonata2d.core.labels import LabelSpec
-from sonata2d.datasets import check_dataset, generate_dataset
+from sonata2d.datasets import generate_dataset, verify
 from sonata2d.errors import ConfigError, NewerFormatError, RecordError
 from sonata2d.record.files import sha256_of
 from sonata2d.record.recorder import JsonRecorder
@@ -352,4 +352,4 @@ def test_a_rated_data_set_still_passes_the_check(tmp_path: Path) -> None:
     generate_dataset(tmp_path / "set", load_scenario("sonata-2020"), episodes=1, seed=1)
     rate(RatingSession(tmp_path / "set", "ann", SPEC))
     assert ratings_of(tmp_path / "set")
-    assert check_dataset(tmp_path / "set") == []
+    assert verify(tmp_path / "set") == []

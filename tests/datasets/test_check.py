@@ -14,14 +14,15 @@ from click.testing import CliRunner
 from sonata2d_cli import main
 
 import sonata2d as s2
-from sonata2d.datasets import Problem, check_dataset, check_episode, write_card
+from sonata2d.datasets import Problem, verify, write_card
+from sonata2d.errors import RecordError
 
 from ..record.test_reader import rewrite, set_value
 from .test_manifest import dataset_in, spec
 
 
 def test_a_recorded_episode_has_no_problems(episode: Path) -> None:
-    assert check_episode(episode) == []
+    assert verify(episode) == []
 
 
 def _move(frames: slice, human: int, x: float, y: float) -> Callable[[Any], None]:
@@ -74,7 +75,7 @@ def _move(frames: slice, human: int, x: float, y: float) -> Callable[[Any], None
     ],
 )
 def test_an_edited_episode_is_found(episode: Path, change: Callable[[Any], None], place: str, message: str) -> None:
-    problems = check_episode(rewrite(episode, change))
+    problems = verify(rewrite(episode, change))
     assert any(place in problem.place and message in problem.message for problem in problems), problems
 
 
@@ -116,11 +117,11 @@ def _sideways(frame: int, distance: float, speed: float) -> Callable[[Any], None
 def test_a_unicycle_that_slips_is_found(unicycle_file: Path) -> None:
     recorded = unicycle_file.read_bytes()
     assert any(contact["kind"] == "wall" for contact in json.loads(recorded)["final"]["contacts"])
-    assert check_episode(unicycle_file) == []
+    assert verify(unicycle_file) == []
 
     def problems_after(change: Callable[[Any], None]) -> str:
         unicycle_file.write_bytes(recorded)
-        return _text(check_episode(rewrite(unicycle_file, change)))
+        return _text(verify(rewrite(unicycle_file, change)))
 
     for frame in (10, 30, 50):  # in the bend, straight on, at the wall
         text = problems_after(_sideways(frame, 0.002, 0.0))
@@ -141,7 +142,7 @@ def test_a_unicycle_that_slips_is_found(unicycle_file: Path) -> None:
 
 def test_an_unreadable_file_is_one_problem(tmp_path: Path) -> None:
     (tmp_path / "odd.json").write_text("{")
-    (problem,) = check_episode(tmp_path / "odd.json")
+    (problem,) = verify(tmp_path / "odd.json")
     assert (problem.file, problem.place) == ("odd.json", "file")
     assert str(problem).startswith("odd.json: file: ")
 
@@ -156,7 +157,7 @@ def folder(tmp_path: Path) -> Path:
 def test_a_generated_data_set_has_no_problems(folder: Path) -> None:
     (folder / "failed").mkdir()
     (folder / "run.jsonl").write_text("{}\n")
-    assert check_dataset(folder) == []
+    assert verify(folder) == []
 
 
 def _text(problems: list[Problem]) -> str:
@@ -166,13 +167,13 @@ def _text(problems: list[Problem]) -> str:
 def test_an_edited_file_is_found_by_its_hash(folder: Path) -> None:
     path = folder / "000001.json"
     path.write_bytes(path.read_bytes().replace(b"by hand", b"by mind"))
-    (problem,) = check_dataset(folder)
+    (problem,) = verify(folder)
     assert (problem.file, problem.place) == ("000001.json", "sha256")
 
 
 def test_missing_and_extra_files_are_found(folder: Path) -> None:
     (folder / "000001.json").rename(folder / "000009.json")
-    text = _text(check_dataset(folder))
+    text = _text(verify(folder))
     assert "000001.json is listed but not in the folder" in text
     assert "000009.json is in the folder but not listed" in text
 
@@ -183,7 +184,10 @@ def test_an_edited_manifest_is_found(folder: Path) -> None:
 
     def problems_after(**changes: Any) -> str:
         path.write_text(json.dumps({**manifest, **changes}))
-        return _text(check_dataset(folder))
+        try:
+            return _text(verify(folder))
+        except RecordError as error:
+            return str(error)
 
     assert "2 of 3" not in problems_after()
     assert "counts.outcome: is {'goal': 3}" in problems_after(counts={**manifest["counts"], "outcome": {"goal": 3}})
@@ -195,7 +199,8 @@ def test_an_edited_manifest_is_found(folder: Path) -> None:
     for name in ("../000000.json", "/dev/zero", "..", "", "a\\b.json", "a\0.json"):
         assert "is not a file name" in problems_after(files=[{**manifest["files"][0], "name": name}])
     path.write_text("{")
-    assert "not valid JSON" in _text(check_dataset(folder))
+    with pytest.raises(RecordError, match="not valid JSON"):
+        verify(folder)
 
 
 def _rewrite(path: Path, change: Callable[[Any], None]) -> None:
@@ -206,33 +211,33 @@ def _rewrite(path: Path, change: Callable[[Any], None]) -> None:
 
 def test_files_that_repeat_the_manifest_are_compared_with_it(folder: Path) -> None:
     write_card(folder)
-    assert check_dataset(folder) == []
+    assert verify(folder) == []
     _rewrite(folder / "scenario.json", set_value("tiny", 1.0))
-    assert _text(check_dataset(folder)) == "scenario.json: tiny: differs from the settings in manifest.json"
+    assert _text(verify(folder)) == "scenario.json: tiny: differs from the settings in manifest.json"
     _rewrite(folder / "scenario.json", set_value("tiny", 0.00001))
     card = folder / "README.md"
     card.write_text(card.read_text().replace("| stopped | 3 |", "| goal | 3 |").replace("12 frames in", "13 frames in"))
-    text = _text(check_dataset(folder))
+    text = _text(verify(folder))
     assert "README.md: counts: states the outcomes {'goal': 3}, the manifest {'stopped': 3}" in text
     assert "README.md: counts: states 13 frames, the manifest 12" in text
     card.write_text("# My own card\n")
-    assert check_dataset(folder) == [], "the text of a card is free"
+    assert verify(folder) == [], "the text of a card is free"
     _rewrite(folder / "manifest.json", set_value("split", {"train": ["000000.json", "000001.json"]}))
-    text = _text(check_dataset(folder))
+    text = _text(verify(folder))
     assert "manifest.json: split: 000002.json is in no part (1 files in all)" in text
     assert "croissant.json: distribution: states another SHA-256 of manifest.json" in text
     write_card(folder, licence="mit")
     card.write_text(card.read_text().replace("license: mit", "license: other"))
-    assert "croissant.json: license: is 'mit', but README.md says other" in _text(check_dataset(folder))
+    assert "croissant.json: license: is 'mit', but README.md says other" in _text(verify(folder))
     (folder / "croissant.json").write_text("[]")
-    assert "croissant.json: file: is not valid Croissant metadata" in _text(check_dataset(folder))
+    assert "croissant.json: file: is not valid Croissant metadata" in _text(verify(folder))
 
 
 def test_croissant_metadata_do_not_lead_out_of_the_folder(folder: Path, tmp_path: Path) -> None:
     write_card(folder)
     (tmp_path / "secret").write_text("x")
     _rewrite(folder / "croissant.json", set_value("distribution", 0, "contentUrl", "../secret"))
-    assert check_dataset(folder) == []
+    assert verify(folder) == []
 
 
 def test_missing_files_and_unknown_keys_are_warnings(folder: Path) -> None:
@@ -240,7 +245,7 @@ def test_missing_files_and_unknown_keys_are_warnings(folder: Path) -> None:
     (folder / "scenario.json").unlink()
     _rewrite(folder / "manifest.json", set_value("sunshine", 1))
     _rewrite(folder / "manifest.json", set_value("files", 1, "colour", "red"))
-    problems = check_dataset(folder)
+    problems = verify(folder)
     assert all(problem.is_warning for problem in problems)
     assert [(problem.file, problem.place) for problem in problems] == [
         ("manifest.json", "sunshine"),
@@ -260,7 +265,7 @@ def test_an_id_that_differs_from_the_name_of_the_file_is_found(folder: Path) -> 
 
     (folder / "000001.json").rename(folder / "000001x.json")
     _rewrite(folder / "manifest.json", change)
-    (problem,) = check_dataset(folder)
+    (problem,) = verify(folder)
     assert str(problem) == "000001x.json: id: is '000001', but the file's name says '000001x'"
 
 
@@ -268,5 +273,5 @@ def test_an_id_that_differs_from_the_name_of_the_file_is_found(folder: Path) -> 
 def test_a_key_that_is_given_twice_is_found(folder: Path, name: str) -> None:
     path = folder / name
     path.write_bytes(path.read_bytes().replace(b"{", b'{"seed":999,', 1))
-    messages = [str(problem) for problem in check_dataset(folder)]
+    messages = [str(problem) for problem in verify(folder)]
     assert f"{name}: seed: is given twice; one of the values is ignored" in messages

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from sonata2d.datasets.workers.executors import Workers, parallel_map, unordered_map
+from sonata2d.datasets.workers.executors import Workers, parallel_map
+from sonata2d.datasets.workers.tasks import Call
 from sonata2d.errors import WorkerError
 
 
@@ -28,10 +29,6 @@ def multiplier(factor: int) -> Callable[[int], tuple[int, int]]:
     return partial(tagged, factor)
 
 
-def never(result: object) -> bool:
-    return False
-
-
 def is_large(result: tuple[int, int]) -> bool:
     return result[1] >= 20
 
@@ -39,7 +36,7 @@ def is_large(result: tuple[int, int]) -> bool:
 def test_calls_share_processes_and_each_call_has_its_own_function() -> None:
     with Workers(2) as workers:
         found = [
-            list(unordered_map(partial(multiplier, factor), iter(range(40)), workers=workers, is_last=never))
+            list(workers.results(Call(partial(multiplier, factor)), range(40), 40, in_order=False))
             for factor in (1, 10)
         ]
         found.append(list(parallel_map(partial(tagged, 100), range(40), workers=workers)))
@@ -53,16 +50,16 @@ def test_calls_share_processes_and_each_call_has_its_own_function() -> None:
 
 def test_a_call_that_is_closed_early_leaves_the_processes_to_the_next_one() -> None:
     with Workers(2, task_size=4) as workers:
-        endless = unordered_map(partial(multiplier, 1), count(), workers=workers, is_last=never)
+        endless = workers.results(Call(partial(multiplier, 1)), count(), None, in_order=False)
         with closing(endless) as results:
             assert next(results)[1] < 2 * 2 * 4  # two tasks for each process
-        found = list(unordered_map(partial(multiplier, 2), iter(range(9)), workers=workers, is_last=never))
+        found = list(workers.results(Call(partial(multiplier, 2)), range(9), 9, in_order=False))
     assert sorted(value for _, value in found) == [2 * item for item in range(9)]
 
 
 def test_a_worker_skips_the_rest_of_its_chunk_after_a_last_result() -> None:
     with Workers(2, task_size=4) as workers:
-        found = list(unordered_map(partial(multiplier, 20), iter(range(4)), workers=workers, is_last=is_large))
+        found = list(workers.results(Call(partial(multiplier, 20), is_large), range(4), None, in_order=False))
     assert [value for _, value in found] == [0, 20]
 
 

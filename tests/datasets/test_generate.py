@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.datasets import check_dataset, generate_dataset, verify
+from sonata2d.datasets import generate_dataset, verify
 from sonata2d.datasets.manifest import read_manifest, unlisted_episodes
 from sonata2d.datasets.workers.executors import parallel_map
 from sonata2d.errors import ConfigError, ControllerError, RecordError, Sonata2dError
@@ -79,7 +79,7 @@ def test_killing_and_resuming_gives_the_same_bytes(tmp_path: Path) -> None:
     assert 5 <= before < 200
     manifest = read_manifest(tmp_path / "out")
     assert unlisted_episodes(tmp_path / "out", manifest).startswith(f"{before} episode files are not listed")
-    assert [str(one) for one in check_dataset(tmp_path / "out") if "not listed" in str(one)] != []
+    assert [str(one) for one in verify(tmp_path / "out") if "not listed" in str(one)] != []
     generate_dataset(tmp_path / "out", scenario, episodes=200, seed=1, resume=True)
     generate_dataset(tmp_path / "whole", scenario, episodes=200, seed=1, workers=2)
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
@@ -99,7 +99,7 @@ def test_an_interrupted_run_lists_its_episodes_and_resumes_to_the_same_bytes(tmp
     manifest = read_manifest(out)
     assert [row["name"] for row in manifest["files"]] == sorted(path.name for path in out.glob("0*.json"))
     assert 4 <= len(manifest["files"]) < 40
-    (problem,) = check_dataset(out)
+    (problem,) = verify(out)
     assert "generate the others with --resume" in problem.message
     resumed(out, episodes=40)
     generate_dataset(tmp_path / "whole", QUICK, "straight-to-goal", episodes=40, seed=5)

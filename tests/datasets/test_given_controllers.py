@@ -14,6 +14,7 @@ import sonata2d as s2
 from sonata2d.datasets.check.replay import check_replay
 from sonata2d.datasets.manifest import read_stored_manifest
 from sonata2d.errors import ControllerError
+from sonata2d.record.reader import read_episode
 
 from .test_generate import contents
 
@@ -67,7 +68,7 @@ def test_classes_and_objects_give_the_same_bytes_in_one_process_and_in_two(
     assert record.controller_info.settings == {"speed": speed}
     assert [label["count"] for label in record.labels] == list(range(1, len(record) + 1))
     assert record.command[:, 0].max() == speed
-    assert check_replay(record.path) == []
+    assert check_replay(read_episode(record.path)) == []
 
 
 NOTEBOOK = """

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from sonata2d.datasets.card.write import write_manifest_and_card
 from sonata2d.datasets.generate.batches import existing_batches
-from sonata2d.datasets.generate.episodes import store_episode
+from sonata2d.datasets.generate.episodes import packed_episode
 from sonata2d.datasets.generate.progress import append_to_log
 from sonata2d.datasets.generate.specification import DatasetSpec, manifest_of
 from sonata2d.datasets.generate.start import start_dataset
@@ -48,13 +48,19 @@ def document(episode: int) -> bytes:
     return recorded(episode).document()
 
 
+def store_episode(folder: Path, spec: DatasetSpec, episode: int) -> dict[str, Any]:
+    row, data = packed_episode(spec, episode, recorded(episode))
+    (folder / row["name"]).write_bytes(data)
+    return row
+
+
 def dataset_in(folder: Path, spec: DatasetSpec, *, resume: bool = False, stop_after: int | None = None) -> None:
     """Generate the missing episodes of a data set; with `stop_after` only the first ones, as if interrupted."""
     listed = start_dataset(folder, spec, resume=resume)
     rows = {batch.number: batch.row for batch in existing_batches(folder, spec, listed)[0]}
     for episode in range(spec.episodes if stop_after is None else stop_after):
         if episode not in rows:
-            rows[episode] = store_episode(folder, spec, episode, recorded(episode))
+            rows[episode] = store_episode(folder, spec, episode)
     if stop_after is None:
         listed_rows = [row for _, row in sorted(rows.items()) if row is not None]
         manifest = manifest_of(spec, listed_rows, counts_of(listed_rows), {}, complete=True)
@@ -101,7 +107,7 @@ def test_resumption_can_add_episodes_but_not_remove_them(tmp_path: Path) -> None
 def test_only_complete_episodes_of_the_specification_are_reused(tmp_path: Path) -> None:
     start_dataset(tmp_path, spec(4))
     for episode in range(3):
-        store_episode(tmp_path, spec(), episode, recorded(episode))
+        store_episode(tmp_path, spec(), episode)
     (tmp_path / "000001.json").write_bytes(document(1)[:-40])
     (tmp_path / "000002.json").write_bytes(document(0))
     (tmp_path / "000003.json").write_bytes(document(3).replace(b'"status":"stopped"', b'"status":"error"'))

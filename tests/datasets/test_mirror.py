@@ -19,7 +19,7 @@ from sonata2d.core.labels import LabelSpec
 from sonata2d.core.scene import Rules
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.core.vectors import wrap_angle
-from sonata2d.datasets import check_episode, verify
+from sonata2d.datasets import verify
 from sonata2d.datasets.check.replay import branch, check_replay, check_rerun
 from sonata2d.datasets.transforms.mirror import (
     flipped_angle,
@@ -96,7 +96,7 @@ def test_doors_queues_places_and_seats_are_mirrored(tmp_path: Path) -> None:
         assert b.front == pytest.approx((a.front[0], -a.front[1]), abs=1e-4)
     path = tmp_path / "image.json"
     mirror_file(tmp_path / "one.json", path)
-    assert check_episode(path) == check_replay(path) == []
+    assert verify(path) == check_replay(read_episode(path)) == []
 
 
 def test_left_and_right_of_the_robot_are_swapped(odd: EpisodeRecord, generated: EpisodeRecord) -> None:
@@ -153,9 +153,9 @@ def test_an_image_names_its_original_and_passes_all_checks(tmp_path: Path, gener
     image = mirror_file(generated.path, path)
     assert image.id == "000000-mirror"
     assert image.document["mirrored_from"]["id"] == "000000"
-    assert check_episode(path) == []
-    assert check_replay(path) == []
-    assert check_rerun(path) == []
+    assert verify(path) == []
+    assert check_replay(read_episode(path)) == []
+    assert check_rerun(read_episode(path)) == []
     assert read_episode(path).document == image.document
 
 
@@ -176,7 +176,7 @@ def test_the_replay_of_an_image_finds_changes(
     text, count = re.subn(pattern, changed, path.read_text(), count=1)
     assert count == 1
     path.write_text(text)
-    places = {problem.place for problem in check_replay(path)}
+    places = {problem.place for problem in check_replay(read_episode(path))}
     assert "mirrored_from" in places
     assert "sha256" in pattern or places & {"replay", "scene"}
 
@@ -198,8 +198,8 @@ def test_the_function_that_mirrors_labels_must_be_its_own_inverse(tmp_path: Path
         mirrored(odd, label=lambda label: label | {"turns": 1.0})
     path = tmp_path / "image.json"
     path.write_bytes(serialise(image.document))
-    assert check_replay(path) == []
-    assert [problem.place for problem in check_rerun(path)] == ["rerun"]
+    assert check_replay(read_episode(path)) == []
+    assert [problem.place for problem in check_rerun(read_episode(path))] == ["rerun"]
 
 
 def test_the_device_mappings_of_a_driven_run_are_mirrored(tmp_path: Path) -> None:
@@ -277,8 +277,8 @@ def test_tracks_goals_and_velocities_of_passing_humans_are_mirrored(tmp_path: Pa
     assert image.present.tolist() == record.present.tolist()
     assert serialise(mirrored(image).document) == serialise(record.document)
     mirror_file(tmp_path / "one.json", tmp_path / "one-mirror.json")
-    assert check_replay(tmp_path / "one-mirror.json") == []
-    assert check_episode(tmp_path / "one-mirror.json") == []
+    assert check_replay(read_episode(tmp_path / "one-mirror.json")) == []
+    assert verify(tmp_path / "one-mirror.json") == []
 
 
 @pytest.mark.parametrize("twist", [[0.5, 0.1, -0.3], [0.0, 0.0, 0.0], [1, 0, -2], [-0.25, 0.0001, 0.0]])

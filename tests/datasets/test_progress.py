@@ -13,6 +13,7 @@ import sonata2d as s2
 from sonata2d.core.snapshot import ControllerInfo
 from sonata2d.datasets import merge_datasets, mirror_dataset, split_dataset, verify
 from sonata2d.datasets.card.text import card_text
+from sonata2d.datasets.generate import batches
 from sonata2d.datasets.generate.progress import Batch, FailedEpisode, Progress
 from sonata2d.datasets.generate.run import KEEPABLE, generate_dataset
 from sonata2d.datasets.generate.specification import DatasetSpec
@@ -136,16 +137,14 @@ def test_interrupting_and_resuming_gives_the_same_bytes(reference: Path, tmp_pat
 
 
 def test_excluded_episodes_are_not_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from sonata2d.datasets.generate.episodes import EpisodeRuns
-
     episodes_run: list[int] = []
-    run = EpisodeRuns.run
+    run = batches.run_episode
 
-    def counted(runs: EpisodeRuns, episode: int, store: Any) -> FailedEpisode | None:
+    def counted(job: Any, controller: Any, episode: int, store: Any) -> FailedEpisode | None:
         episodes_run.append(episode)
-        return run(runs, episode, store)
+        return run(job, controller, episode, store)
 
-    monkeypatch.setattr(EpisodeRuns, "run", counted)
+    monkeypatch.setattr(batches, "run_episode", counted)
     generate(tmp_path / "out", episodes=5)
     generate(tmp_path / "out", episodes=8, resume=True)
     assert episodes_run == list(range(len(episodes_run)))

@@ -54,16 +54,16 @@ def recorded(path: Path, scene: Scene, controller: s2.Controller) -> Path:
 def test_a_generated_episode_replays_to_its_bytes(tmp_path: Path, suffix: str) -> None:
     scene = s2.generate(s2.ScenarioConfig(rules={"time_limit": 5.0}), seed=2, episode=3)
     path = recorded(tmp_path / f"one{suffix}", scene, s2.SocialPlanner())
-    assert check_replay(path) == []
-    assert check_rerun(path) == []
+    assert check_replay(read_episode(path)) == []
+    assert check_rerun(read_episode(path)) == []
 
 
 def test_a_stopped_episode_with_labels_in_a_hand_made_scene_replays(tmp_path: Path, busy: Scene) -> None:
     path = recorded(tmp_path / "one.json", busy, Labelling())
     assert read_episode(path).outcome.status == "stopped"
-    assert check_replay(path) == []
-    assert check_rerun(path, f"{__name__}:Labelling") == []
-    assert check_rerun(path, "straight-to-goal") != []
+    assert check_replay(read_episode(path)) == []
+    assert check_rerun(read_episode(path), f"{__name__}:Labelling") == []
+    assert check_rerun(read_episode(path), "straight-to-goal") != []
 
 
 def test_an_episode_that_an_error_ended_replays(tmp_path: Path, busy: Scene) -> None:
@@ -75,7 +75,7 @@ def test_an_episode_that_an_error_ended_replays(tmp_path: Path, busy: Scene) -> 
         recorded(tmp_path / "one.json", busy, Failing())
     record = read_episode(tmp_path / "one.json")
     assert (record.outcome.status, len(record)) == ("error", 9)
-    assert check_replay(tmp_path / "one.json") == []
+    assert check_replay(read_episode(tmp_path / "one.json")) == []
 
 
 def test_device_events_are_recorded_and_replayed(tmp_path: Path, busy: Scene) -> None:
@@ -87,7 +87,7 @@ def test_device_events_are_recorded_and_replayed(tmp_path: Path, busy: Scene) ->
     record = read_episode(tmp_path / "one.json")
     assert record.snapshot(1).events == (DeviceEvent("pad", "left_y", 0.7),)
     assert record.command[2, 0] == 0.7
-    assert check_replay(tmp_path / "one.json") == []
+    assert check_replay(read_episode(tmp_path / "one.json")) == []
 
 
 def test_a_rerun_uses_the_device_events_and_the_past_of_a_branch(tmp_path: Path, busy: Scene) -> None:
@@ -97,10 +97,10 @@ def test_a_rerun_uses_the_device_events_and_the_past_of_a_branch(tmp_path: Path,
         episode.step()
         episode.step([DeviceEvent("pad", "left_y", 0.7)])
         episode.run()
-    assert check_rerun(tmp_path / "stick.json", f"{__name__}:Stick") == []
+    assert check_rerun(read_episode(tmp_path / "stick.json"), f"{__name__}:Stick") == []
     with s2.JsonRecorder(tmp_path / "two.json", branched_from=("stick", 9)) as recorder:
         branch(tmp_path / "stick.json", 9, s2.SocialForce(), observers=[recorder]).run()
-    assert check_rerun(tmp_path / "two.json") == []
+    assert check_rerun(read_episode(tmp_path / "two.json")) == []
 
 
 def test_an_unknown_relation_is_reported_and_not_replayed(tmp_path: Path, busy: Scene) -> None:
@@ -117,7 +117,7 @@ def test_a_changed_number_is_reported_with_its_line(tmp_path: Path, busy: Scene)
     tenth = next(line for line in text.splitlines() if line.startswith('{"tick":10,'))
     x = json.loads(tenth.rstrip(","))["robot"][0]
     path.write_text(text.replace(f'"robot":[{x}', f'"robot":[{x + 0.0001:.4f}', 1))
-    (problem,) = check_replay(path)
+    (problem,) = check_replay(read_episode(path))
     assert problem.message.startswith("line ")
     assert f"[{x}" in problem.message
 
@@ -126,27 +126,27 @@ def test_an_edited_file_that_is_formatted_otherwise_is_compared_by_its_content(t
     path = recorded(tmp_path / "a.json", busy, Labelling())
     document = json.loads(path.read_bytes())
     path.write_text(json.dumps(document, indent=1))
-    assert [problem.message for problem in check_replay(path)] == [
+    assert [problem.message for problem in check_replay(read_episode(path))] == [
         "the content is the same, but the file is not formatted as sonata2d writes it"
     ]
     document["frames"][3]["robot"][0] += 0.5
     path.write_text(json.dumps(document, indent=1))
-    (problem,) = check_replay(path)
+    (problem,) = check_replay(read_episode(path))
     assert f"{document['frames'][3]['robot'][0]:.4f}".rstrip("0") in problem.message
 
 
 def test_a_scene_that_differs_from_seed_and_settings_is_reported(tmp_path: Path) -> None:
     scene = s2.generate(s2.ScenarioConfig(standing=2, rules={"time_limit": 1.0}), seed=2)
     path = recorded(tmp_path / "one.json", replace(scene, seed=3), s2.StraightToGoal())
-    assert [problem.place for problem in check_replay(path)] == ["scene"]
+    assert [problem.place for problem in check_replay(read_episode(path))] == ["scene"]
 
 
 def test_a_file_of_another_physics_version_is_not_replayed(tmp_path: Path, busy: Scene) -> None:
     path = recorded(tmp_path / "one.json", busy, Labelling())
     path.write_text(path.read_text().replace(f'"physics":{PHYSICS_VERSION}', '"physics":99'))
-    (problem,) = check_replay(path)
+    (problem,) = check_replay(read_episode(path))
     assert "physics version 99" in problem.message
-    assert check_rerun(path) == [problem]
+    assert check_rerun(read_episode(path)) == [problem]
     with pytest.raises(RecordError, match="physics version 99"):
         branch(path, 0, s2.StraightToGoal())
 
@@ -171,7 +171,7 @@ def test_a_recorded_branch_replays_and_names_its_origin(tmp_path: Path, busy: Sc
     with s2.JsonRecorder(tmp_path / "two.json", branched_from=("one", 12)) as recorder:
         branch(tmp_path / "one.json", 12, s2.SocialForce(), observers=[recorder]).run()
     assert read_episode(tmp_path / "two.json").document["branched_from"] == {"id": "one", "tick": 12}
-    assert check_replay(tmp_path / "two.json") == []
+    assert check_replay(read_episode(tmp_path / "two.json")) == []
 
 
 @pytest.mark.parametrize(
@@ -196,7 +196,7 @@ def test_code_and_weights_that_a_file_names_are_not_loaded(
     document = json.loads(path.read_bytes())
     document["controller"] |= {"path": name, "settings": settings}
     path.write_text(json.dumps(document))
-    (problem,) = check_rerun(path)
+    (problem,) = check_rerun(read_episode(path))
     assert f"the controller {name!r} is neither built in nor a plug-in" in problem.message
     assert not Path("was-run").exists()
 
@@ -207,4 +207,4 @@ def test_built_in_controllers_are_run_again_by_all_their_names(tmp_path: Path, b
     with s2.JsonRecorder(path) as recorder:
         info = controller_info_of(controller, name)
         s2.Episode(busy, controller, observers=[recorder], controller_info=info).run()
-    assert check_rerun(path) == []
+    assert check_rerun(read_episode(path)) == []

@@ -20,7 +20,6 @@ from sonata2d_cli import main
 
 import sonata2d as s2
 from sonata2d.datasets import (
-    check_dataset,
     merge_datasets,
     mirror_dataset,
     read_manifest,
@@ -29,7 +28,6 @@ from sonata2d.datasets import (
     write_card,
 )
 from sonata2d.datasets.generate import batches
-from sonata2d.datasets.generate.episodes import EpisodeRuns
 from sonata2d.errors import RecordError
 from sonata2d.formats.api import export_to, import_from
 from sonata2d.record.files import read_bytes, read_stored
@@ -132,16 +130,16 @@ def test_finished_episodes_of_an_unfinished_shard_are_not_run_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run_episodes: list[int] = []
-    run = EpisodeRuns.run
+    run = batches.run_episode
 
-    def interrupted(runs: EpisodeRuns, episode: int, store: Any) -> Any:
+    def interrupted(job: Any, controller: Any, episode: int, store: Any) -> Any:
         if len(run_episodes) == 7:
             run_episodes.append(-1)
             raise KeyboardInterrupt
         run_episodes.append(episode)
-        return run(runs, episode, store)
+        return run(job, controller, episode, store)
 
-    monkeypatch.setattr(EpisodeRuns, "run", interrupted)
+    monkeypatch.setattr(batches, "run_episode", interrupted)
     settings: dict[str, Any] = {"episodes": 12, "shard_size": 5}
     with pytest.raises(KeyboardInterrupt):
         s2.generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", **settings)
@@ -220,7 +218,7 @@ def test_one_shard_is_a_data_set(sharded: Path) -> None:
     assert [record.episode for record in shard] == list(range(10, 20))
     assert shard.manifest is not None
     assert shard.manifest["seed"] == 5
-    assert check_dataset(sharded / "shard-000001.tar") == []
+    assert verify(sharded / "shard-000001.tar") == []
     assert "10 episodes" in (sharded / "shard-000001.README.md").read_text()
 
 
@@ -234,7 +232,7 @@ def test_a_tar_file_without_manifest_is_searched(sharded: Path, tmp_path: Path) 
 
 def test_check_finds_nothing_in_whole_shards(sharded: Path) -> None:
     assert verify(sharded, replay=True, rerun=True, workers=2) == []
-    assert check_dataset(sharded) == []
+    assert verify(sharded) == []
 
 
 def damaged(path: Path, at: int) -> None:
@@ -263,7 +261,7 @@ def test_check_finds_damage_of_shards(sharded: Path, tmp_path: Path, damage: Any
     for path in sharded.iterdir():
         (out / path.name).write_bytes(path.read_bytes())
     damage(out)
-    found = [str(problem) for problem in check_dataset(out)]
+    found = [str(problem) for problem in verify(out)]
     assert any(expected in problem for problem in found), found
 
 
@@ -291,7 +289,7 @@ def test_a_split_of_shards_is_that_of_files(plain: Path, sharded: Path, tmp_path
         part: [record.episode for record in own] for part, own in s2.Dataset(files).parts.items()
     }
     assert json.loads((out / "manifest.json").read_text())["split"] == {part: len(own) for part, own in names.items()}
-    assert check_dataset(out) == []
+    assert verify(out) == []
     assert s2.Dataset(out).filter(outcome="goal").parts.keys() == parts.keys()
     s2.generate_dataset(out, QUICK, "straight-to-goal", shard_size=10, resume=True, **SETTINGS)
     assert s2.Dataset(out).parts.keys() == parts.keys()  # a resumption without new episodes keeps it
@@ -313,7 +311,7 @@ def test_shards_are_mirrored_and_back(plain: Path, sharded: Path, tmp_path: Path
     for workers in (1, 2):
         mirror_dataset(tmp_path / "split", tmp_path / f"image{workers}", workers=workers)
     assert contents(tmp_path / "image1") == contents(tmp_path / "image2")
-    assert check_dataset(tmp_path / "image1") == []
+    assert verify(tmp_path / "image1") == []
     mirror_dataset(plain, tmp_path / "plain")
     expected = {name: data for name, data in contents(tmp_path / "plain").items() if name.startswith("0")}
     assert members(tmp_path / "image1") == expected
@@ -338,7 +336,7 @@ def test_shards_and_files_are_merged(plain: Path, sharded: Path, tmp_path: Path)
     s2.generate_dataset(tmp_path / "others", QUICK, "straight-to-goal", episodes=4, seed=7)
     merge_datasets([tmp_path / "more", tmp_path / "others"], tmp_path / "files")
     merge_datasets([tmp_path / "both", tmp_path / "files"], tmp_path / "all")
-    assert check_dataset(tmp_path / "all") == []
+    assert verify(tmp_path / "all") == []
     manifest = read_manifest(tmp_path / "all")
     assert [source["name"] for source in manifest["sources"]] == [
         "both__sharded", "both__mirrored", "files__more", "files__others"
@@ -354,7 +352,7 @@ def test_kept_and_mirrored_files_are_merged_into_shards(sharded: Path, tmp_path:
     merge_datasets([kept.path, tmp_path / "image"], tmp_path / "files")
     mirror_dataset(tmp_path / "files", tmp_path / "mirrored")
     merge_datasets([tmp_path / "mirrored", sharded], tmp_path / "all")
-    assert check_dataset(tmp_path / "all") == []
+    assert verify(tmp_path / "all") == []
     mirrored = [bool(source.get("mirrored")) for source in read_manifest(tmp_path / "all")["sources"]]
     shards = sorted((tmp_path / "all").glob("mirrored__*.manifest.json"))
     assert mirrored == [True, False, False]
@@ -380,15 +378,15 @@ def test_a_second_worker_on_the_same_shard_changes_nothing(
     sharded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After a lost connection, Dask lets another worker run a task that the first one still runs."""
-    run, batch, runs_inside = EpisodeRuns.run, batches._run_batch, []
+    run, batch, runs_inside = batches.run_episode, batches._run_batch, []
 
-    def twice(runs: EpisodeRuns, episode: int, store: Any) -> Any:
+    def twice(job: Any, controller: Any, episode: int, store: Any) -> Any:
         if episode == 13 and not runs_inside:
             runs_inside.append(episode)
-            assert isinstance(batch(runs, 1), batches.Batch)
-        return run(runs, episode, store)
+            assert isinstance(batch(job, controller, 1), batches.Batch)
+        return run(job, controller, episode, store)
 
-    monkeypatch.setattr(EpisodeRuns, "run", twice)
+    monkeypatch.setattr(batches, "run_episode", twice)
     s2.generate_dataset(tmp_path / "out", QUICK, "straight-to-goal", shard_size=10, **SETTINGS)
     assert runs_inside
     assert contents(tmp_path / "out") == contents(sharded)
@@ -400,10 +398,10 @@ def test_a_resumed_run_of_a_split_data_set_leaves_no_split(
     out, settings = tmp_path / "out", {"seed": 5, "shard_size": 10, "resume": True}
     s2.generate_dataset(out, QUICK, "straight-to-goal", episodes=20, **settings)
     split_dataset(out)
-    monkeypatch.setattr(EpisodeRuns, "run", interrupted)
+    monkeypatch.setattr(batches, "run_episode", interrupted)
     with pytest.raises(KeyboardInterrupt):
         s2.generate_dataset(out, QUICK, "straight-to-goal", episodes=25, **settings)
-    assert any("split" in str(problem) for problem in check_dataset(out))
+    assert any("split" in str(problem) for problem in verify(out))
     monkeypatch.undo()
     s2.generate_dataset(out, QUICK, "straight-to-goal", episodes=25, **settings)
     assert contents(out) == contents(sharded)
@@ -443,7 +441,7 @@ def test_croissant_metadata_describe_shards(sharded: Path, tmp_path: Path) -> No
     assert [len(names) for names in matched.values()] == [3, 3]
     sources = {json.dumps(field["source"]["fileSet"]) for field in document["recordSet"][0]["field"]}
     assert sources == {'{"@id": "shard-manifests"}'}
-    assert check_dataset(out) == []
+    assert verify(out) == []
 
 
 @pytest.mark.parametrize(

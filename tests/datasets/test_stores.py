@@ -115,18 +115,18 @@ def test_processes_write_to_a_store(endpoint: str, local: dict[int | None, Path]
 def test_an_interrupted_run_in_a_store_is_continued(
     store: str, local: dict[int | None, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from sonata2d.datasets.generate.episodes import EpisodeRuns
+    from sonata2d.datasets.generate import batches
 
-    run, count = EpisodeRuns.run, 0
+    run, count = batches.run_episode, 0
 
-    def interrupted(runs: EpisodeRuns, episode: int, store: Any) -> Any:
+    def interrupted(job: Any, controller: Any, episode: int, store: Any) -> Any:
         nonlocal count
         count += 1
         if count == 8:
             raise KeyboardInterrupt
-        return run(runs, episode, store)
+        return run(job, controller, episode, store)
 
-    monkeypatch.setattr(EpisodeRuns, "run", interrupted)
+    monkeypatch.setattr(batches, "run_episode", interrupted)
     for size in (None, 5):
         count = 0
         with pytest.raises(KeyboardInterrupt):

@@ -13,10 +13,10 @@ import sonata2d as s2
 from sonata2d.core.entities import Limits, Robot
 from sonata2d.core.geometry import Pose
 from sonata2d.core.snapshot import Contact
-from sonata2d.datasets import check_dataset, generate_dataset, merge_datasets, mirror_dataset
+from sonata2d.datasets import generate_dataset, merge_datasets, mirror_dataset, verify
 from sonata2d.datasets.card.text import card_text
 from sonata2d.datasets.manifest import read_manifest, write_json
-from sonata2d.datasets.summaries import contact_summary, excessive_commands
+from sonata2d.datasets.summaries import totals_of
 from sonata2d.errors import ControllerWarning
 from sonata2d.metrics.trajectory import Trajectory
 from sonata2d.record.counts import commands_beyond_limits, count_contacts
@@ -84,7 +84,7 @@ def test_the_manifest_counts_the_contacts_that_the_metrics_see(careless: Path) -
 def test_mirrored_merged_and_resumed_data_sets_carry_the_counts(careless: Path, tmp_path: Path) -> None:
     mirror_dataset(careless, tmp_path / "image")
     merge_datasets([careless, tmp_path / "image"], tmp_path / "both")
-    assert check_dataset(tmp_path / "both") == []
+    assert verify(tmp_path / "both") == []
     counts = [row["contacts"] for row in rows(careless)]
     assert [row["contacts"] for row in rows(tmp_path / "both")] == counts + counts
     generate_dataset(tmp_path / "grown", CROWDED, f"{__name__}:Careless", episodes=2, seed=1)
@@ -93,7 +93,7 @@ def test_mirrored_merged_and_resumed_data_sets_carry_the_counts(careless: Path, 
 
 
 def test_the_card_shows_contacts_beside_the_outcomes(careless: Path) -> None:
-    text, summary = (careless / "README.md").read_text("utf-8"), contact_summary(rows(careless))
+    text, summary = (careless / "README.md").read_text("utf-8"), totals_of(rows(careless)).contacts
     walls, frames = summary.by_kind["wall"], sum(row["ticks"] for row in rows(careless))
     assert walls.frames > 0
     share, fault = (f"{count / frames:.1%}".replace("%", " %") for count in (walls.frames, walls.robot_at_fault))
@@ -108,8 +108,8 @@ def test_manifests_without_counts_are_read_and_say_so(careless: Path, tmp_path: 
     for row in manifest["files"]:
         del row["contacts"], row["commands_beyond_limits"]
     write_json(tmp_path / "old/manifest.json", manifest)
-    assert check_dataset(tmp_path / "old") == []
-    assert contact_summary(rows(tmp_path / "old")).rows() == [("contacts", "not counted in 2 episodes")]
+    assert verify(tmp_path / "old") == []
+    assert totals_of(rows(tmp_path / "old")).contacts.rows() == [("contacts", "not counted in 2 episodes")]
     assert "whose contacts were not counted: 2." in card_text(read_manifest(tmp_path / "old"))
 
 
@@ -118,7 +118,7 @@ def test_a_changed_count_is_found_by_the_check(careless: Path, tmp_path: Path) -
     manifest = json.loads((tmp_path / "image/manifest.json").read_text())
     manifest["files"][0]["contacts"]["any"]["frames"] += 1
     write_json(tmp_path / "image/manifest.json", manifest)
-    assert [problem.place for problem in check_dataset(tmp_path / "image")] == ["contacts"]
+    assert [problem.place for problem in verify(tmp_path / "image")] == ["contacts"]
 
 
 def test_commands_beyond_the_limits_are_counted_by_component() -> None:
@@ -139,7 +139,7 @@ def test_commands_far_beyond_the_limits_give_one_warning_for_the_batch(tmp_path:
     (warning,) = warned
     assert "vx up to 50 m/s (limit 1 m/s) in 100.0 % of the frames" in str(warning.message)
     assert "a unicycle does not move sideways" in str(warning.message)
-    assert [one.component for one in excessive_commands(rows(tmp_path / "out"))] == ["vx", "vy"]
+    assert [one.component for one in totals_of(rows(tmp_path / "out")).excess] == ["vx", "vy"]
     assert "Commands exceed the limits of the robot's drive" in (tmp_path / "out/README.md").read_text()
 
 

@@ -11,7 +11,7 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.core.entities import PERSON_BREADTH
-from sonata2d.datasets import check_episode
+from sonata2d.datasets import verify
 from sonata2d.datasets.check.replay import check_replay
 from sonata2d.errors import ConfigError, RecordError, SceneError
 from sonata2d.formats.from_tracks import save_scenario, scenario_from_tracks
@@ -59,8 +59,8 @@ def run(config: s2.ScenarioConfig, folder: Path, seed: int = 0) -> Any:
     path = folder / "run.json"
     with JsonRecorder(path) as recorder:
         s2.Episode(s2.generate(config, seed), s2.SocialPlanner(), observers=[recorder]).run()
-    assert check_episode(path) == []
-    assert check_replay(path) == []
+    assert verify(path) == []
+    assert check_replay(read_episode(path)) == []
     return read_episode(path)
 
 

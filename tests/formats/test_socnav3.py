@@ -15,7 +15,7 @@ import pytest
 import sonata2d as s2
 from sonata2d.core.geometry import Disc, Pose, Rectangle, inside_polygon
 from sonata2d.core.vectors import wrap_angle
-from sonata2d.datasets import check_episode
+from sonata2d.datasets import verify
 from sonata2d.datasets.check.replay import check_replay
 from sonata2d.errors import RecordError
 from sonata2d.formats import occupancy, socnav3
@@ -160,7 +160,7 @@ def test_exported_file_reads_back_to_the_byte_and_replays(records: list[EpisodeR
         data = encode_episode(imported(exported(record), tmp_path), path)
         assert data == read_bytes(record.path)
         path.write_bytes(data)
-    assert check_replay(tmp_path / records[0].path.name) == []
+    assert check_replay(read_episode(tmp_path / records[0].path.name)) == []
 
 
 def test_people_are_listed_while_present_and_read_back_to_the_byte(tmp_path: Path) -> None:
@@ -178,7 +178,7 @@ def test_people_are_listed_while_present_and_read_back_to_the_byte(tmp_path: Pat
     back = tmp_path / "back.json"
     back.write_bytes(encode_episode(imported(file, tmp_path), back))
     assert back.read_bytes() == path.read_bytes()
-    assert check_replay(back) == []
+    assert check_replay(read_episode(back)) == []
 
 
 @pytest.mark.parametrize("text", ["A robot is looking for the exit.", ""])
@@ -317,8 +317,10 @@ def test_foreign_file_becomes_an_episode_that_lists_missing_values(tmp_path: Pat
         origin["lacks"]
     )
     assert {"frames.humans.velocity", "humans.id"} <= set(origin["derived"])
-    assert check_episode(path) == []
-    assert [problem.place for problem in check_replay(path)] == ["replay"], "it reports that it cannot be replayed"
+    assert verify(path) == []
+    assert [problem.place for problem in check_replay(read_episode(path))] == ["replay"], (
+        "it reports that it cannot be replayed"
+    )
 
 
 def test_numbers_beyond_the_limit_of_episode_files_are_refused(records: list[EpisodeRecord], tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
-from sonata2d.datasets import check_episode
+from sonata2d.datasets import verify
 from sonata2d.errors import RecordError, UnsuitableEpisode
 from sonata2d.formats import trajnet
 from sonata2d.formats.api import TransferResult, export_to, import_from
@@ -96,7 +96,7 @@ def test_four_columns_without_header_are_read(tmp_path: Path, row: str) -> None:
     assert {"frames.robot", "humans.head"} <= lacks, "neither is drawn"
     derived = set(record.document["imported"]["derived"])
     assert {"frames.humans.theta", "frames.humans.velocity", "frames.activity"} <= derived
-    assert check_episode(record.path) == []
+    assert verify(record.path) == []
     with pytest.raises(RecordError, match="graphs need a robot and a goal; not in its source: goal, robot"):
         paper_graphs(record)
 
@@ -199,7 +199,7 @@ def test_real_tracks_become_an_episode(tmp_path: Path, name: str) -> None:
     column = np.searchsorted([human.id for human in record.scene().humans], ped)
     positions = record.states.humans[(frame - frame.min()).astype(int), column, POSITION]
     assert np.abs(positions - np.stack((x, y), axis=1)).max() < 1e-4
-    assert check_episode(result.files[0]) == []
+    assert verify(result.files[0]) == []
     assert record.scene().walls
 
 

@@ -122,7 +122,7 @@ def collected(path: Path) -> None:
 
 def imported(name: str, path: Path) -> None:
     """Import a file; what is made of it must be a valid episode."""
-    from sonata2d.datasets import check_episode
+    from sonata2d.datasets import verify
     from sonata2d.formats.api import import_from
     from sonata2d.formats.format import Options
     from sonata2d.record.reader import read_episode
@@ -133,7 +133,7 @@ def imported(name: str, path: Path) -> None:
     )
     for file in result.files:
         read_episode(file)
-        check_episode(file)
+        verify(file)
     if result.refused:
         raise Refusal(str(result.refused[0]))
 

@@ -18,9 +18,10 @@ from gymnasium.utils.env_checker import check_env
 
 import sonata2d as s2
 import sonata2d.gym as s2g
-from sonata2d.datasets import check_episode
+from sonata2d.datasets import verify
 from sonata2d.datasets.check.replay import check_replay
 from sonata2d.errors import ConfigError, ControllerError, MetricError, RecordError, WindowError
+from sonata2d.record.reader import read_episode
 from tests.gym.samples import CHAINS, SHORT, actions, equal
 
 FORWARD = np.array([1.0, 0.0, 0.0], dtype=np.float32)
@@ -231,8 +232,8 @@ def test_recorded_episodes_pass_check_and_replay(tmp_path: Path) -> None:
     files = sorted(tmp_path.glob("*.json"))
     assert [file.name for file in files] == ["000000.json", "000001.json", "000002.json"]
     for file in files:
-        assert check_episode(file) == []
-        assert check_replay(file) == []
+        assert verify(file) == []
+        assert check_replay(read_episode(file)) == []
     last = s2.read_episode(files[-1])
     assert (last.outcome.status, len(last)) == ("stopped", 20)
     s2g.SocialNavEnv("lively", settings=SHORT, record=tmp_path).reset(seed=2)
@@ -258,7 +259,7 @@ def test_a_search_leaves_one_recording(tmp_path: Path) -> None:
     env.close()
     (file,) = tmp_path.glob("*.json")
     assert len(s2.read_episode(file)) == 3
-    assert check_replay(file) == []
+    assert check_replay(read_episode(file)) == []
 
 
 @pytest.mark.parametrize("chain", CHAINS)

@@ -20,6 +20,7 @@ from sonata2d.errors import ControllerError
 from sonata2d.gym.description import describe, environment_of
 from sonata2d.gym.mlp import Mlp, read_mlp, write_mlp
 from sonata2d.gym.pipeline import Pipeline
+from sonata2d.record.reader import read_episode
 from tests.gym.samples import CHAINS, SHORT, Env, actions, equal
 
 
@@ -77,8 +78,8 @@ def test_a_file_of_a_perceptron_is_a_controller(tmp_path: Path) -> None:
     file = tmp_path / "run.json"
     with s2.JsonRecorder(file) as recorder:
         s2.Episode(scene, controller, observers=[recorder]).run()
-    assert check_replay(file) == []
-    assert check_rerun(file, str(path)) == []
+    assert check_replay(read_episode(file)) == []
+    assert check_rerun(read_episode(file), str(path)) == []
     commands = s2.read_episode(file).command
     env.reset(options={"episode": 0}, seed=3)
     for command in commands[:20]:  # the controller does in the episode what the policy does in the environment

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 import sonata2d.gym as s2g
-from sonata2d.datasets import check_episode
+from sonata2d.datasets import verify
 from sonata2d.datasets.check.replay import check_replay
+from sonata2d.record.reader import read_episode
 from tests.gym.samples import CHAINS, SHORT, equal
 
 COUNT = int(os.environ.get("SONATA2D_TEST_STATES", "32"))
@@ -61,5 +62,5 @@ def test_recorded_episodes_pass_check_and_replay(preset: str, tmp_path: Path) ->
     files = sorted(tmp_path.glob("*.json"))
     assert len(files) == number
     for file in files:
-        assert check_episode(file) == []
-        assert check_replay(file) == []
+        assert verify(file) == []
+        assert check_replay(read_episode(file)) == []

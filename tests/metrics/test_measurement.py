@@ -15,7 +15,7 @@ import pytest
 import sonata2d as s2
 from sonata2d.core.proxemics import obstacle_clearance
 from sonata2d.core.scene import Scene
-from sonata2d.datasets import check_dataset, generate_dataset, mirror_dataset
+from sonata2d.datasets import generate_dataset, mirror_dataset, verify
 from sonata2d.errors import MetricError, RecordError
 from sonata2d.metrics.catalogue import ALL, METRICS, NEEDING_RERUN, headline_metrics, select_metrics
 from sonata2d.metrics.comparison import Comparison
@@ -69,7 +69,7 @@ def test_metrics_are_stored_with_the_episodes_and_the_data_set_stays_valid(datas
     assert stored["summary"]["successful"]["success"]["n"] == succeeded
     families = stored["summary"]["by_family"]
     assert sum(family["success"]["n"] for family in families.values()) == 3
-    assert check_dataset(dataset) == []
+    assert verify(dataset) == []
 
 
 def test_clearances_and_times_to_collision_equal_those_of_controllers(dataset: Path) -> None:

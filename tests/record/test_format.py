@@ -15,7 +15,7 @@ from sonata2d.core.entities import Door, Furniture, Goal, Group, Human, Limits, 
 from sonata2d.core.geometry import Disc, Rectangle
 from sonata2d.core.labels import LabelSpec
 from sonata2d.core.scene import Rules, Social
-from sonata2d.datasets import check_episode
+from sonata2d.datasets import verify
 from sonata2d.record.models import Episode
 from sonata2d.record.reader import read_episode
 from sonata2d.record.recorder import EpisodeRecorder
@@ -42,7 +42,7 @@ def test_recording_gives_the_bytes_of_the_golden_file() -> None:
 
 def test_the_golden_file_is_read_and_passes_check() -> None:
     assert read_episode(GOLDEN).scene() == scene()
-    assert check_episode(GOLDEN) == []
+    assert verify(GOLDEN) == []
 
 
 def test_published_pages_agree_with_the_models() -> None:

@@ -16,7 +16,7 @@ from sonata2d.core.geometry import Point, Pose
 from sonata2d.core.relations import TALKING, WALKING_TOGETHER
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Snapshot
-from sonata2d.datasets import check_episode
+from sonata2d.datasets import verify
 from sonata2d.datasets.check.replay import check_replay
 from sonata2d.metrics.disturbance import without_robot
 from sonata2d.record.reader import read_episode
@@ -172,8 +172,8 @@ def test_episodes_with_changing_pedestrians_are_recorded_and_replay(
     with JsonRecorder(path) as recorder:
         Episode(scene, controller(), observers=[recorder]).run()
     record = read_episode(path)
-    assert check_episode(path) == []
-    assert check_replay(path) == []
+    assert verify(path) == []
+    assert check_replay(read_episode(path)) == []
     assert record.scene() == scene
     assert record.present[:, 1].tolist() == [5 <= tick < 30 for tick in range(len(record))]
     assert np.isnan(record.humans[0, 1]).all()

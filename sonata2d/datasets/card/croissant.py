@@ -91,7 +91,7 @@ def stored_publication(folder: Path) -> Publication:
         DatasetWarning: a statement is not valid, and therefore not kept.
     """
     path = folder / CROISSANT
-    valid: dict[str, Any] = {"licence": card_licence(folder)}
+    valid: dict[str, Any] = {"licence": _card_licence(folder)}
     try:
         stated = _statements(orjson.loads(read_bytes(path))) if path.is_file() else {}
     except (RecordError, ValueError, TypeError, AttributeError) as error:
@@ -121,7 +121,7 @@ def _statements(metadata: JsonDict) -> JsonDict:
     return {name: value for name, value in stated.items() if value is not None}
 
 
-def card_licence(folder: Path) -> str | None:
+def _card_licence(folder: Path) -> str | None:
     """The licence in the front matter of a card: its identifier or address; None without one."""
     text = read_text(folder / CARD)
     front_matter = text.split("---\n", 2)[1] if text.startswith("---\n") and text.count("---\n") > 1 else ""
@@ -151,7 +151,7 @@ def croissant_findings(folder: Path) -> Iterator[tuple[str, str]]:
             yield "distribution", f"describes {name}, which is not in the folder; {_REMEDY}"
         elif sha256_of(folder / name) != sha256:
             yield "distribution", f"states another SHA-256 of {name}; {_REMEDY}"
-    licence = card_licence(folder)
+    licence = _card_licence(folder)
     if licence is not None and metadata.get("license") != _LICENCES.get(licence, licence):
         yield "license", f"is {metadata.get('license')!r}, but {CARD} says {licence}; {_REMEDY}"
 

@@ -43,7 +43,7 @@ def write_manifest_and_card(folder: Path, manifest: JsonDict, *, licence: str | 
     _require_no_shard(folder)
     data, described = json_bytes(manifest), _with_settings(folder, manifest)
     stored = stored_publication(folder)
-    licence = licence or _chosen_licence(folder, stored) or default_licence(described)
+    licence = licence or _licence(folder, stored, described)
     is_edited = has_edited_card(folder)
     if not is_edited:
         _write_text(folder, card_text(described, licence))
@@ -98,7 +98,7 @@ def write_card(
     if creator is not None:
         organisation = bool(organisation)  # a statement about another creator does not hold for this one
     stored = stored_publication(folder)
-    chosen = licence or _chosen_licence(folder, stored) or default_licence(manifest)
+    chosen = licence or _licence(folder, stored, manifest)
     statements: dict[str, Any] = {
         "date": date, "version": version, "creator": creator, "organisation": organisation, "url": url,
     }  # fmt: skip
@@ -138,18 +138,17 @@ def has_edited_card(folder: Path) -> bool:
     return seal is None or hashlib.sha256(text.encode()).hexdigest() != seal[1]
 
 
-def _chosen_licence(folder: Path, publication: Publication) -> str | None:
-    """The licence that an author chose for a data set; None if it has the default one, or has no manifest yet."""
-    stored = publication.licence
-    if stored is None or not (folder / MANIFEST).is_file():
-        return None
-    return stored if stored != default_licence(_with_settings(folder, read_manifest(folder))) else None
+def _licence(folder: Path, stored: Publication, manifest: JsonDict) -> str:
+    """The licence for a manifest: the one that the author chose for the data set in the folder, else the default."""
+    chosen = stored.licence if (folder / MANIFEST).is_file() else None
+    # the stored licence may be the default before a change of the data set, after which the default may be another one
+    is_default = chosen is None or chosen == default_licence(_with_settings(folder, read_manifest(folder)))
+    return default_licence(manifest) if chosen is None or is_default else chosen
 
 
 def licence_of(folder: Path) -> str:
     """The licence of a data set."""
-    chosen = _chosen_licence(folder, stored_publication(folder))
-    return chosen or default_licence(_with_settings(folder, read_manifest(folder)))
+    return _licence(folder, stored_publication(folder), _with_settings(folder, read_manifest(folder)))
 
 
 def count_differences(folder: Path, manifest: JsonDict) -> list[str]:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from ...core.files.locations import location
 from ...errors import InvalidFileError, RecordError
 from ...record.files import file_exists, read_bytes, sha256_of
 from ...record.layout import JsonDict
@@ -43,58 +42,42 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class ListedFile:
-    """An episode file or a shard of a data set, with what the manifest states about it.
+    """An episode file or a shard, with the statements of a manifest about it.
 
     Attributes:
         path: location of the file.
-        entry: row of the file in the manifest.
+        entry: row of the file in the manifest; empty for a file that belongs to no data set.
         shared: keys of the document, or of the shard's manifest, that all files of a source have in common, with their
             values.
     """
 
     path: Path
-    entry: JsonDict
-    shared: JsonDict
+    entry: JsonDict = field(default_factory=dict)
+    shared: JsonDict = field(default_factory=dict)
 
 
-def check_episode(path: str | Path) -> list[Problem]:
-    """Problems of an episode file; an empty list if there are none.
-
-    Checks the schema, then the plausibility of the numbers (`plausibility.implausible_values`).
-    """
-    record, problems = open_to_check(location(path))
-    return problems if record is None else check_record(record)
-
-
-def check_listed(file: ListedFile) -> list[Problem]:
-    """Problems of a listed file: differences from the manifest, then the problems of `check_episode`."""
-    record, problems = open_to_check(file)
-    return problems if record is None else check_record(record, file)
-
-
-def open_to_check(file: Path | ListedFile) -> tuple[EpisodeRecord | None, list[Problem]]:
+def open_to_check(file: ListedFile) -> tuple[EpisodeRecord | None, list[Problem]]:
     """The content of a file; or None, and why it cannot be checked."""
-    listed = file if isinstance(file, ListedFile) else None
-    path = file if isinstance(file, Path) else file.path
-    if listed and not file_exists(path):
-        return None, [Problem(MANIFEST, "files", f"{listed.entry['name']} is listed but not in the folder")]
+    path, entry = file.path, file.entry
+    if entry and not file_exists(path):
+        return None, [Problem(MANIFEST, "files", f"{entry['name']} is listed but not in the folder")]
     try:
         return read_episode(path), []
     except InvalidFileError as error:
         problems = [Problem(path.name, *finding) for finding in error.findings[:_MAXIMUM_FINDINGS]]
         if (rest := len(error.findings) - _MAXIMUM_FINDINGS) > 0:
             problems.append(Problem(path.name, "schema", f"{rest} more problems"))
-        if listed and sha256_of(path) != listed.entry["sha256"]:
+        if entry and sha256_of(path) != entry["sha256"]:
             problems.insert(0, Problem(path.name, "sha256", "differs from the manifest"))
         return None, problems
     except RecordError as error:
         return None, [Problem(path.name, "file", str(error))]
 
 
-def check_record(record: EpisodeRecord, file: ListedFile | None = None) -> list[Problem]:
-    """Problems of an episode; if its file is listed in a manifest, also differences from the manifest."""
+def check_record(record: EpisodeRecord, file: ListedFile) -> list[Problem]:
+    """Problems of an episode, and differences from the manifest that lists its file."""
     implausible = [Problem(record.path.name, *finding) for finding in implausible_values(record)]
-    return (_differences(record, file) if file else []) + repeated_keys(record.path) + implausible
+    return (_differences(record, file) if file.entry else []) + repeated_keys(record.path) + implausible
 
 
 def _differences(record: EpisodeRecord, file: ListedFile) -> list[Problem]:

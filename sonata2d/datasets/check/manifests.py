@@ -11,7 +11,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...core.files.locations import location
 from ...errors import RecordError
 from ...record.files import file_stem, sha256_of
 from ...record.layout import JsonDict
@@ -20,7 +19,7 @@ from ..manifest.models import Manifest, ManifestFile, Shard, ShardedManifest, So
 from ..manifest.names import MANIFEST
 from ..manifest.rows import Lazy, ShardRows, read_manifest, read_shard, stored_form
 from ..manifest.write import counts_of, sum_of
-from .episodes import ListedFile, Problem, check_listed, repeated, repeated_keys
+from .episodes import ListedFile, Problem, repeated, repeated_keys
 from .folders import folder_problems, unknown_files
 from .plausibility import Finding
 
@@ -31,25 +30,10 @@ if TYPE_CHECKING:
 _SHARED_BY_SHARDS = ("name", "settings", "seed", "keep", "controller", "precision", "physics", "mirrored", "collected")
 
 
-def check_dataset(folder: str | Path) -> list[Problem]:
-    """Problems of a data set: each listed episode, then the shards, then the manifest."""
-    folder = location(folder)
-    problems = check_manifest(folder)
-    if any(problem.place == "file" for problem in problems):
-        return problems
-    manifest = read_manifest(folder)
-    problems = [problem for shard in listed_shards(folder, manifest) for problem in check_shard(shard)] + problems
-    return [problem for file in files_in(folder, manifest) for problem in check_listed(file)] + problems
-
-
-def check_manifest(folder: Path) -> list[Problem]:
+def check_manifest(folder: Path, manifest: JsonDict) -> list[Problem]:
     """Problems of a manifest, of the set of files in the folder, and of the files that repeat its content."""
-    try:
-        manifest = read_manifest(folder)
-    except RecordError as error:
-        return [Problem(MANIFEST, "file", str(error))]
     if is_shard(folder):
-        return check_shard(ListedFile(folder, {}, {}))
+        return check_shard(ListedFile(folder))
     findings = _shard_findings(folder, manifest) if "shards" in manifest else _content_findings(manifest)
     return [
         *_problems_of(folder / MANIFEST, manifest, [*findings, *unknown_files(folder, manifest)]),
@@ -106,17 +90,8 @@ def listed_shards(folder: Path, manifest: JsonDict) -> list[ListedFile]:
     return [ListedFile(folder / row["name"], row, shared) for row in manifest.get("shards", ())]
 
 
-def listed_files(folder: Path) -> Sequence[ListedFile]:
-    """The files that a manifest lists; members of shards are read from the manifests of the shards when needed.
-
-    Raises:
-        RecordError: the folder has no valid manifest.
-    """
-    return files_in(folder, read_manifest(folder))
-
-
 def files_in(folder: Path, manifest: JsonDict) -> Sequence[ListedFile]:
-    """The files that the manifest of a folder lists, see `listed_files`."""
+    """The files that a manifest lists; members of shards are read from the manifests of the shards when needed."""
     rows, shared_by = manifest["files"], _shared_values(manifest)
 
     def listed(row: JsonDict) -> ListedFile:

@@ -23,14 +23,15 @@ from ..motion import THETA, VX, VY, X, Y
 
 MAXIMUM_OVERLAP = 0.06  # m, of outlines: the physics detects a contact only after the bodies have moved
 ROUNDING = 2e-4  # m, m/s, rad/s: tolerance for numbers rounded to 1e-4
-HURRY_FACTOR, PUSH_SPEED = 1.3, 1.0  # a pedestrian reaches HURRY_FACTOR times the desired speed, pushed PUSH_SPEED more
-ROBOT_SPEED_TOLERANCE = 0.05  # m/s above the robot's limits
+_HURRY_FACTOR, _PUSH_SPEED = (
+    1.3,
+    1.0,
+)  # a pedestrian reaches _HURRY_FACTOR times the desired speed, pushed _PUSH_SPEED more
+_ROBOT_SPEED_TOLERANCE = 0.05  # m/s above the robot's limits
 # m/s, on top of half the top speed: tolerance between the displacement of a tick over dt and the mean velocity
-MOTION_TOLERANCE = 0.5
-PUSH_RANGE = 0.1  # m, clearance to a recorded pedestrian within which a push in the last tick is possible
-# Until physics version 2, contacts pushed the robot: a unicycle at a wall slipped sideways.
-NO_SLIP_SINCE = 3
-TURN_TOLERANCE = 0.05  # rad, between the rotation in a tick and the executed turn rate times dt
+_MOTION_TOLERANCE = 0.5
+_PUSH_RANGE = 0.1  # m, clearance to a recorded pedestrian within which a push in the last tick is possible
+_TURN_TOLERANCE = 0.05  # rad, between the rotation in a tick and the executed turn rate times dt
 
 _SITTING = ACTIVITIES.index("sitting")  # also while a pedestrian sits down and gets up
 
@@ -39,7 +40,7 @@ Finding = tuple[str, str]  # place, message
 
 def implausible_values(record: EpisodeRecord) -> Iterator[Finding]:
     """Everything implausible in an episode, as place and message."""
-    pushed = may_be_pushed(record)
+    pushed = _may_be_pushed(record)
     yield from _check_rounding(record)
     yield from _check_groups(record.scene())
     yield from _check_time(record)
@@ -87,7 +88,7 @@ def _check_time(record: EpisodeRecord) -> Iterator[Finding]:
 def _check_speeds(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
     """Speeds must stay within the limits of the robot and the pedestrians."""
     scene = record.scene()
-    limits, maximum_speed = scene.robot.limits, scene.robot.top_speed + ROBOT_SPEED_TOLERANCE
+    limits, maximum_speed = scene.robot.limits, scene.robot.top_speed + _ROBOT_SPEED_TOLERANCE
     executed = np.hypot(record.executed[:, 0], record.executed[:, 1])
     yield from _worst_tick(executed - maximum_speed, "executed", "the robot's drive", "m/s faster than its limits")
     turning = np.abs(record.executed[:, 2]) - limits.turn - ROUNDING
@@ -100,8 +101,8 @@ def _check_speeds(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]
 def _maximum_speeds(scene: Scene) -> Array:
     """(N,), m/s, of the pedestrians."""
     # without the guard the robot may run into them
-    push = PUSH_SPEED if scene.rules.guard else PUSH_SPEED + scene.robot.top_speed
-    return HURRY_FACTOR * scene.human_table.desired_speed + push
+    push = _PUSH_SPEED if scene.rules.guard else _PUSH_SPEED + scene.robot.top_speed
+    return _HURRY_FACTOR * scene.human_table.desired_speed + push
 
 
 def _maximum_overlap(scene: Scene) -> float:
@@ -121,13 +122,13 @@ def _check_motion(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]
     exempt = pushed[1:] | pushed[:-1]
     humans[exempt[:, :-1]] = robot[exempt[:, -1]] = 0.0
     # without the guard, bodies that overlap are also moved apart
-    tolerance = MOTION_TOLERANCE + (0.0 if scene.rules.guard else 2.0 * _maximum_overlap(scene) / dt)
+    tolerance = _MOTION_TOLERANCE + (0.0 if scene.rules.guard else 2.0 * _maximum_overlap(scene) / dt)
     excess = humans - _maximum_speeds(scene) / 2 - tolerance
     yield from _worst_tick_of_humans(excess, scene, "m/s of motion beyond what the velocities explain")
     robot = robot - math.hypot(max(limits.ahead, limits.back), limits.sideways) / 2 - tolerance
     yield from _worst_tick(robot, "robot", "the robot", "m/s of motion beyond what the velocities explain")
     turned = (np.diff(states.robot[:, THETA]) - record.executed[:, 2] * dt + np.pi) % (2 * np.pi) - np.pi
-    turned = np.abs(turned) - TURN_TOLERANCE
+    turned = np.abs(turned) - _TURN_TOLERANCE
     yield from _worst_tick(turned, "robot", "the robot", "rad turned beyond what its turn rate explains")
 
 
@@ -138,7 +139,7 @@ def _check_robot(record: EpisodeRecord) -> Iterator[Finding]:
     direction of its mean heading, and is the arc times a factor between cos(half the angle) and 1. Where the guard or a
     wall slows it during the tick, the displacement is up to half the angle off the mean heading.
     """
-    if record.document["physics"] < NO_SLIP_SINCE:
+    if record.document["physics"] == 0:  # imported: no simulator moved the robot
         return
     scene, states, executed = record.scene(), record.states, record.executed
     dt, theta = scene.rules.dt, states.robot[:, THETA]
@@ -228,7 +229,7 @@ def _check_presence(record: EpisodeRecord) -> Iterator[Finding]:
             yield from _worst_tick(distance - ROUNDING, "humans", f"human {human.id}", "m off the recorded track")
 
 
-def may_be_pushed(record: EpisodeRecord) -> BoolArray:
+def _may_be_pushed(record: EpisodeRecord) -> BoolArray:
     """Whether each pedestrian, and the robot last, is recorded or touches a recorded one; (T + 1, N + 1).
 
     Recorded pedestrians react to nothing and may push others, so limits on motion do not hold there.
@@ -239,7 +240,7 @@ def may_be_pushed(record: EpisodeRecord) -> BoolArray:
     for k, human in enumerate(scene.humans):
         if human.behaviour == "recorded":
             offset = positions - positions[:, k, None]
-            pushed |= np.hypot(offset[..., 0], offset[..., 1]) < radii + human.shape.circumradius + PUSH_RANGE
+            pushed |= np.hypot(offset[..., 0], offset[..., 1]) < radii + human.shape.circumradius + _PUSH_RANGE
             pushed[:, k] = True
     return pushed
 

@@ -54,16 +54,16 @@ def branch(path: str | Path, tick: int, controller: Controller, *, observers: It
     if record.document.get("mirrored_from"):
         # The random choices of pedestrians follow the seed, so a mirror image would diverge at the first choice.
         raise RecordError(f"{path} is a mirror image, which cannot be run; branch its original and mirror the branch")
-    if refusal := other_physics(record):
+    if refusal := _other_physics(record):
         raise RecordError(f"{path} is {refusal}")
-    past = recorded_inputs(record)
+    past = _recorded_inputs(record)
     if not 0 <= tick <= len(past):
         raise ValueError(f"tick must be 0..{len(past)}, the ticks in {path}, got {tick}")
     renderer = renderer_for(controller)
     return Episode(record.scene(), controller, observers=observers, past=past[:tick], renderer=renderer).replay_past()
 
 
-def other_physics(record: EpisodeRecord) -> str:
+def _other_physics(record: EpisodeRecord) -> str:
     """Why an episode cannot be run again, if another version of the physics made it; else empty."""
     physics = record.document["physics"]
     if physics == PHYSICS_VERSION:
@@ -71,7 +71,7 @@ def other_physics(record: EpisodeRecord) -> str:
     return f"of physics version {physics}, which this sonata2d (physics version {PHYSICS_VERSION}) cannot run"
 
 
-def recorded_inputs(record: EpisodeRecord) -> list[TickInput]:
+def _recorded_inputs(record: EpisodeRecord) -> list[TickInput]:
     """Command, label and device events of each recorded tick."""
     commands, frames = record.command.tolist(), record.document["frames"]
     return [
@@ -84,7 +84,7 @@ def _final_events(record: EpisodeRecord) -> tuple[DeviceEvent, ...]:
     return events_of(record.document["final"])
 
 
-def replay_document(record: EpisodeRecord) -> bytes:
+def _replayed_document(record: EpisodeRecord) -> bytes:
     """The episode document that results from the recorded commands.
 
     Raises:
@@ -95,7 +95,7 @@ def replay_document(record: EpisodeRecord) -> bytes:
         record.scene(),
         _RecordedCommandsOnly(),
         observers=[recorder],
-        past=recorded_inputs(record),
+        past=_recorded_inputs(record),
         controller_info=record.controller_info,
     ).replay_past()
     last_events = _final_events(record)
@@ -106,10 +106,10 @@ def replay_document(record: EpisodeRecord) -> bytes:
     return recorder.document()
 
 
-def rerun_document(record: EpisodeRecord, controller: Controller) -> bytes:
+def _rerun_document(record: EpisodeRecord, controller: Controller) -> bytes:
     """The episode document that results when the controller runs again with the recorded device events."""
     recorder = _recorder_like(record)
-    branched, inputs = record.document["branched_from"], recorded_inputs(record)
+    branched, inputs = record.document["branched_from"], _recorded_inputs(record)
     past = inputs[: branched["tick"]] if branched else []  # another controller drove before the branch
     episode = Episode(
         record.scene(),
@@ -130,43 +130,42 @@ def rerun_document(record: EpisodeRecord, controller: Controller) -> bytes:
     return recorder.document()
 
 
-def check_replay(path: Path, *, record: EpisodeRecord | None = None) -> list[Problem]:
-    """Problems of a file that its scene and commands, or its seed and settings, do not reproduce.
+def check_replay(stored: EpisodeRecord) -> list[Problem]:
+    """Problems of an episode that its scene and commands, or its seed and settings, do not reproduce.
 
     For a mirror image the original is replayed, and the file must be its exact image: the random choices of pedestrians
     follow the seed, so a mirror image cannot be run itself.
 
     Args:
-        path: an episode file.
-        record: its content, if it was read already.
+        stored: the content of a file.
     """
-    record, problems = _original(read_episode(path) if record is None else record)
+    path = stored.path
+    record, problems = _original(stored)
     if record.document.get("imported"):
         return [Problem(path.name, "replay", "imported: there is no simulation to replay")]
-    if refusal := other_physics(record):
+    if refusal := _other_physics(record):
         return [Problem(path.name, "physics", refusal)]
     problems += _check_scene(path, record)
     try:
-        replayed = replay_document(record)
+        replayed = _replayed_document(record)
     except (ControllerError, ValueError) as error:
         if any(str(error) in problem.message for problem in problems):  # such as a plug-in that is not installed
             return problems
         return [*problems, Problem(path.name, "replay", str(error))]
-    return problems + _first_difference(path.name, "replay", _stored_document(path, record), replayed)
+    return problems + _first_difference(path.name, "replay", _document_of(stored, record), replayed)
 
 
-def check_rerun(path: Path, name: str | None = None, *, record: EpisodeRecord | None = None) -> list[Problem]:
-    """Problems of a file that its controller does not reproduce; for a mirror image the original is run.
+def check_rerun(stored: EpisodeRecord, name: str | None = None) -> list[Problem]:
+    """Problems of an episode that its controller does not reproduce; for a mirror image the original is run.
 
     Args:
-        path: an episode file.
+        stored: the content of a file.
         name: name of the controller; None: the recorded one, if it is built in or a plug-in's. Code and weights that
             only the file names are not loaded.
-        record: its content, if it was read already.
     """
-    stored = read_episode(path) if record is None else record
+    path = stored.path
     record, _ = _original(stored)
-    if refusal := other_physics(record):
+    if refusal := _other_physics(record):
         return [Problem(path.name, "physics", refusal)]
     if record is not stored and stored.document["mirrored_from"]["labels"]:
         message = "its labels were mirrored by an unknown function; mirror it back (--labels twist) and check that"
@@ -185,7 +184,7 @@ def check_rerun(path: Path, name: str | None = None, *, record: EpisodeRecord | 
     controller = load_controller(name or recorded, settings)
     if not controller.deterministic:
         return []
-    return _first_difference(path.name, "rerun", _stored_document(path, record), rerun_document(record, controller))
+    return _first_difference(path.name, "rerun", _document_of(stored, record), _rerun_document(record, controller))
 
 
 def _original(record: EpisodeRecord) -> tuple[EpisodeRecord, list[Problem]]:
@@ -205,9 +204,9 @@ def _original(record: EpisodeRecord) -> tuple[EpisodeRecord, list[Problem]]:
     return original, problems
 
 
-def _stored_document(path: Path, record: EpisodeRecord) -> bytes:
-    """The document in the file, or the original's if the file is a mirror image."""
-    return read_bytes(path) if record.path == path else serialise(record.document)
+def _document_of(stored: EpisodeRecord, record: EpisodeRecord) -> bytes:
+    """The document in the file, or the document of the original if the file is a mirror image."""
+    return read_bytes(stored.path) if record is stored else serialise(record.document)
 
 
 def _check_scene(path: Path, record: EpisodeRecord) -> list[Problem]:

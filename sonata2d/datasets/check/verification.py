@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from contextlib import suppress
 from functools import partial
@@ -17,6 +17,7 @@ from ...core.notebook import Advance
 from ...core.wording import described
 from ...errors import ControllerError, ControllerWarning
 from ...record.layout import JsonDict
+from ...record.record import EpisodeRecord
 from ..manifest.names import MANIFEST
 from ..manifest.read import has_manifest
 from ..manifest.rows import files_of, read_manifest
@@ -57,16 +58,16 @@ def verify(
     end_if_unguarded()
     shared = shared_workers(workers)
     path = location(path)
-    is_listed = has_manifest(path)
-    problems = check_manifest(path) if is_listed else []
+    stored = read_manifest(path) if has_manifest(path) else None
+    problems = [] if stored is None else check_manifest(path, stored)
     verify_file = partial(_verify_file, replay=replay, rerun=rerun, controller=controller)
     with shared as pool:
         place = pool.place(path)
-        manifest = read_manifest(place) if is_listed else None
+        manifest = None if stored is None else read_manifest(place)
         shards = [] if manifest is None else listed_shards(place, manifest)
         for shard_problems in parallel_map(check_shard, shards, workers=pool, reads=place):
             problems += shard_problems
-        files: Sequence[Path | ListedFile] = files_of(place) if manifest is None else files_in(place, manifest)
+        files = [ListedFile(file) for file in files_of(place)] if manifest is None else files_in(place, manifest)
         for file_problems in parallel_map(verify_file, files, workers=pool, reads=place):
             problems += file_problems
             advance(1)
@@ -111,20 +112,19 @@ def _short_hashes(hashes: Mapping[str, str]) -> str:
     return ", ".join(f"{sha256[:12]}…" for sha256 in hashes.values()) or "unknown"
 
 
-def _verify_file(file: Path | ListedFile, *, replay: bool, rerun: bool, controller: str | None) -> list[Problem]:
+def _verify_file(file: ListedFile, *, replay: bool, rerun: bool, controller: str | None) -> list[Problem]:
     """Problems of one file; only a readable file is run again."""
-    logger.info("checking %s", file.path if isinstance(file, ListedFile) else file)
+    logger.info("checking %s", file.path)
     record, problems = open_to_check(file)
     if record is None:
         return problems
-    problems += check_record(record, file if isinstance(file, ListedFile) else None)
-    checks = {
-        "replay": check_replay if replay else None,
-        "rerun": partial(check_rerun, name=controller) if rerun else None,
-    }
+    problems += check_record(record, file)
+    checks: dict[str, Callable[[EpisodeRecord], list[Problem]]] = {"replay": check_replay} if replay else {}
+    if rerun:
+        checks["rerun"] = partial(check_rerun, name=controller)
     for place, check in checks.items():
         try:
-            problems += check(record.path, record=record) if check else []
+            problems += check(record)
         except BaseException as error:  # a changed file or a faulty controller may raise any error
             interruption.reraise(error)
             problems.append(Problem(record.path.name, place, described(error)))

@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Self
 
+from ...agents.controllers.base import Controller
 from ...core.files.locations import file_names
 from ...errors import NewerFormatError, RecordError
 from ...record.files import read_stored, sha256_of, write_atomically
@@ -26,7 +27,7 @@ from ..manifest.read import read_document
 from ..manifest.write import counts_of, row_of, sum_of
 from ..shards import shard_row, write_shard_manifest
 from ..workers.tasks import stop_if_over, stop_if_unwanted
-from .episodes import EpisodeRuns, Job, packed_episode, prepared
+from .episodes import Job, created, packed_episode, run_episode
 from .progress import Batch, FailedEpisode, logged_exclusions
 from .specification import DatasetSpec, identity_of, manifest_of, require_episode_of
 
@@ -35,22 +36,23 @@ logger = logging.getLogger(__name__)
 
 def batch_runner(job: Job) -> Callable[[int], Batch | FailedEpisode]:
     """A function that generates a batch by number; all its episodes share one controller."""
-    return partial(_run_batch, prepared(job))
+    return partial(_run_batch, job, created(job.source))
 
 
-def _run_batch(runs: EpisodeRuns, number: int) -> Batch | FailedEpisode:
+def _run_batch(job: Job, controller: Controller, number: int) -> Batch | FailedEpisode:
     """Generate a batch. Finished episodes of an interrupted shard stay in a file; the next attempt takes them over."""
-    spec = runs.job.spec
-    first, stop = spec.covered(number)
-    with NewBatch(runs.job.out, number, spec) as batch:
+    first, stop = job.spec.covered(number)
+    with _NewBatch(job.out, number, job.spec) as batch:
         for episode in range(first, stop):
             stop_if_over()
-            if not batch.takes_over(episode) and (failure := runs.run(episode, batch)) is not None:
+            if batch.takes_over(episode):
+                continue
+            if (failure := run_episode(job, controller, episode, batch)) is not None:
                 return failure
         return batch.finish(stop)
 
 
-class NewBatch:
+class _NewBatch:
     """A batch that is being written: a shard, which gets its name when it is complete, or a file of a folder.
 
     Args:
@@ -267,7 +269,7 @@ def cut_shard(folder: Path, spec: DatasetSpec, batch: Batch, episodes: int) -> B
     stop = numbers[-1] + 1
     if stop == batch.stop and len(numbers) == batch.episodes:
         return batch
-    with NewBatch(folder, batch.number, spec) as shard:
+    with _NewBatch(folder, batch.number, spec) as shard:
         for number in numbers:
             if not shard.takes_over(number):
                 raise RecordError(f"{path / spec.file_name(number)} was changed since it was generated")

@@ -6,7 +6,8 @@ import logging
 import os
 import sysconfig
 import traceback
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -45,14 +46,12 @@ class Job:
         scenario: settings of the scenes.
         spec: specification of the data set.
         source: of the controller.
-        process: id of the process that runs the episodes; set there.
     """
 
     out: Path
     scenario: ScenarioConfig
     spec: DatasetSpec
     source: ControllerSource
-    process: int = 0
 
 
 class Store(Protocol):
@@ -65,75 +64,61 @@ class Store(Protocol):
         """Note an episode whose outcome is not kept."""
 
 
-def prepared(job: Job) -> EpisodeRuns:
-    """Runs of episodes in this process, which share one controller.
+def created(source: ControllerSource) -> Controller:
+    """A new controller; a copy of the process that its creation forks is ended.
 
     Raises:
         ControllerError: the controller cannot be created.
     """
     process = os.getpid()
-    controller = job.source.create()
+    controller = source.create()
     end_if_forked(process)
-    return EpisodeRuns(replace(job, process=process), controller)
+    return controller
 
 
-@dataclass(frozen=True, slots=True)
-class EpisodeRuns:
-    """Runs episodes of a data set with one controller.
+def run_episode(job: Job, controller: Controller, episode: int, store: Store) -> FailedEpisode | None:
+    """Run an episode, and store it if its outcome is kept.
 
-    Attributes:
-        job: with the number of this process.
+    Args:
+        job: of the data set.
         controller: drives the robot.
+        episode: number of the episode.
+        store: of its batch.
+
+    Returns:
+        The failure if an error ended the episode, or it cannot be stored; else None.
     """
-
-    job: Job
-    controller: Controller
-
-    def run(self, episode: int, store: Store) -> FailedEpisode | None:
-        """Run one episode, and store it if its outcome is kept.
-
-        Args:
-            episode: its number.
-            store: of its batch.
-
-        Returns:
-            The failure if an error ended the episode, or it cannot be stored; else None.
-        """
-        job, spec = self.job, self.job.spec
-        recorder = EpisodeRecorder(id=f"{episode:06d}", context=job.scenario.context)
-        try:
-            scene = generate(job.scenario, spec.seed, episode)
-            run = Episode(
-                scene,
-                self.controller,
-                observers=[_ForkGuard(job.process), recorder],
-                controller_info=spec.controller_info,
-                renderer=renderer_for(self.controller),
-            )
-            status = run.run().status
-        except BaseException as error:
-            interruption.reraise(error)
-            return _failed(job, recorder, episode, error)
-        logger.info("episode %d: %s after %d frames", episode, status, len(run.past))
-        if spec.keep and status not in spec.keep:
-            store.leave_out(episode, status)
-            return None
-        try:
-            store.add(episode, recorder)
-        except RecordError as error:
-            return _failed(job, recorder, episode, error)
+    spec = job.spec
+    recorder = EpisodeRecorder(id=f"{episode:06d}", context=job.scenario.context)
+    try:
+        scene = generate(job.scenario, spec.seed, episode)
+        run = Episode(
+            scene,
+            controller,
+            observers=[_ForkGuard(), recorder],
+            controller_info=spec.controller_info,
+            renderer=renderer_for(controller),
+        )
+        status = run.run().status
+    except BaseException as error:
+        interruption.reraise(error)
+        return _failed(job, recorder, episode, error)
+    logger.info("episode %d: %s after %d frames", episode, status, len(run.past))
+    if spec.keep and status not in spec.keep:
+        store.leave_out(episode, status)
         return None
+    try:
+        store.add(episode, recorder)
+    except RecordError as error:
+        return _failed(job, recorder, episode, error)
+    return None
 
 
 class _ForkGuard:
-    """An observer that ends copies of the process which the controller has forked, in the tick in which it did.
+    """An observer that ends copies of this process which the controller has forked, in the tick in which it did."""
 
-    Args:
-        process: id of the process that runs the batch.
-    """
-
-    def __init__(self, process: int) -> None:
-        self._process = process
+    def __init__(self) -> None:
+        self._process = os.getpid()
 
     def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
         end_if_forked(self._process)
@@ -152,18 +137,15 @@ def packed_episode(spec: DatasetSpec, episode: int, recorder: EpisodeRecorder) -
     return file_row(name, data, parse_header(document), recorder.counts()), data
 
 
-def store_episode(folder: Path, spec: DatasetSpec, episode: int, recorder: EpisodeRecorder) -> JsonDict:
-    """Write a recorded episode to its file and return the manifest row."""
-    row, data = packed_episode(spec, episode, recorder)
-    write_atomically(folder / row["name"], data)
-    return row
-
-
 def _failed(job: Job, recorder: EpisodeRecorder, episode: int, error: BaseException) -> FailedEpisode:
     """The result of an episode that an error ended; its frames are kept for debugging."""
     # not the class itself, which a controller may have defined where pickle cannot find it
     kind = next((failure for failure in FAILURES if isinstance(error, failure)), ControllerError)
-    partial_file = _store_partial(job, recorder, episode)
+    partial_file: str | None = None
+    with suppress(RecordError):  # there may be no frames
+        row, data = packed_episode(job.spec, episode, recorder)
+        write_atomically(job.out / FAILED / row["name"], data)
+        partial_file = row["name"]
     text = "".join(traceback.format_exception(error))
     return FailedEpisode(episode, kind, _message(error), partial_file, text)
 
@@ -171,14 +153,6 @@ def _failed(job: Job, recorder: EpisodeRecorder, episode: int, error: BaseExcept
 def is_failure(result: object) -> bool:
     """Whether an error ended an episode, so that the run ends."""
     return isinstance(result, FailedEpisode)
-
-
-def _store_partial(job: Job, recorder: EpisodeRecorder, episode: int) -> str | None:
-    """Write the frames of a failed episode for debugging, and return the file's name; None if there are none."""
-    try:
-        return str(store_episode(job.out / FAILED, job.spec, episode, recorder)["name"])
-    except RecordError:
-        return None
 
 
 def _message(error: BaseException) -> str:

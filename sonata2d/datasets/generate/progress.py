@@ -104,7 +104,7 @@ class Progress:
 
     @property
     def stored(self) -> list[Batch]:
-        """All batches with kept episodes, including those not counted yet."""
+        """All batches with kept episodes, including batches that are not counted yet."""
         return [batch for batch in self._results.values() if isinstance(batch, Batch) and batch.row is not None]
 
     def add(self, result: Batch | FailedEpisode) -> int:
@@ -194,9 +194,4 @@ def logged_exclusions(folder: Path) -> list[Batch]:
             continue
         if isinstance(row, dict) and isinstance(row.get("left_out"), int):
             outcomes[row["left_out"]] = str(row.get("outcome"))
-    return [excluded(episode, outcome) for episode, outcome in outcomes.items()]
-
-
-def excluded(episode: int, outcome: str) -> Batch:
-    """The batch of an episode that is not kept, in a folder of files."""
-    return Batch(episode, episode + 1, None, counts_of(()), {outcome: 1})
+    return [Batch(episode, episode + 1, None, counts_of(()), {outcome: 1}) for episode, outcome in outcomes.items()]

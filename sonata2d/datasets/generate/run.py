@@ -37,11 +37,11 @@ from ..manifest.read import read_document
 from ..manifest.rows import with_rows
 from ..manifest.write import sum_of, write_json
 from ..summaries import commands_warning
-from ..workers.executors import Workers, shared_workers, unordered_map
-from ..workers.processes import end_if_forked, end_if_unguarded
-from ..workers.tasks import RaisedInWorker
+from ..workers.executors import Workers, shared_workers
+from ..workers.processes import end_if_unguarded
+from ..workers.tasks import Call, RaisedInWorker
 from .batches import batch_runner, cut_shard, existing_batches, remove_split, remove_surplus
-from .episodes import FAILURES, Job, is_failure
+from .episodes import FAILURES, Job, created, is_failure
 from .progress import Batch, Progress, append_to_log, log_excluded
 from .specification import DatasetSpec, manifest_of
 from .start import has_episodes, remove_failed_episodes, remove_partial_files, sole_writer, start_dataset
@@ -122,18 +122,16 @@ def generate_dataset(
         whole_number("shard_size", shard_size, 1)
     out = location(out)
     kept_outcomes = _in_fixed_order(keep)
-    process = os.getpid()
     source = ControllerSource(controller)
-    loaded, name = source.create(), source.name
-    end_if_forked(process)
+    loaded, name = created(source), source.name
     split = read_document(out)["split"] if resume and (out / MANIFEST).exists() else None
     info = controller_info_of(loaded, name)
     hashes = source_hashes(name, loaded) | registered_hashes(config.settings())
     spec = DatasetSpec(config.name, config.settings(), seed, episodes, info, suffix, kept_outcomes, hashes, shard_size)
     bar = bar_of(progress)(episodes, "episodes") if advance is None else nullcontext(advance)
-    with pool as own_workers, sole_writer(out), bar as step:
+    with pool as run_workers, sole_writer(out), bar as step:
         listed = start_dataset(out, spec, resume=resume, overwrite=overwrite)
-        run = _Run(out, Job(out.absolute(), config, spec, source), own_workers, step, overwrite)
+        run = _Run(out, Job(out.absolute(), config, spec, source), run_workers, step, overwrite)
         batches, faults = existing_batches(out, spec, listed) if resume else ([], [])
         for fault in faults:
             logger.warning("%s; it is generated again", fault)
@@ -206,15 +204,9 @@ class _Run:
             SceneError, RecordError, ControllerError: an error ended an episode that is needed.
         """
         spec = self.job.spec
-        results = unordered_map(
-            partial(batch_runner, self.job),
-            progress.pending(),
-            workers=self.workers,
-            is_last=is_failure,
-            total=None if spec.keep else sum(1 for _ in progress.pending()),
-            writes=self.job.out,
-        )
-        with closing(results):
+        call = Call(partial(batch_runner, self.job), is_failure, writes=self.job.out)
+        total = None if spec.keep else sum(1 for _ in progress.pending())
+        with closing(self.workers.results(call, progress.pending(), total, in_order=False)) as results:
             for result in results:
                 if isinstance(result, Batch) and result.row is None:
                     log_excluded(self.job.out, result)

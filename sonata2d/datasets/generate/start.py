@@ -36,7 +36,12 @@ from ..manifest.rows import listing, read_manifest
 from ..manifest.write import counts_of, write_json
 from .specification import DatasetSpec, identity_of, manifest_of
 
-_MAXIMUM_DIFFERENCES = 5  # named in a message
+_MAXIMUM_DIFFERENCES = 5  # number of keys named in a message
+_NOT_GENERATED = {  # by key of a manifest
+    "collected": "runs driven by people; choose another folder",
+    "sources": "merged data sets; choose another folder",
+    "mirrored": "mirror images; resume the original data set and mirror it again",
+}
 
 
 def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, overwrite: bool = False) -> dict[str, str]:
@@ -161,12 +166,9 @@ def _remove_dataset(folder: Path) -> None:
 
 def _require_replaceable(folder: Path, stored: JsonDict) -> None:
     """Raise RecordError for data sets that `generate` did not make: it neither continues nor replaces them."""
-    if stored["collected"]:
-        raise RecordError(f"{folder} holds runs driven by people; choose another folder")
-    if stored.get("sources"):
-        raise RecordError(f"{folder} holds merged data sets; choose another folder")
-    if stored.get("mirrored"):
-        raise RecordError(f"{folder} holds mirror images; resume the original data set and mirror it again")
+    for key, content in _NOT_GENERATED.items():
+        if stored.get(key):
+            raise RecordError(f"{folder} holds {content}")
 
 
 def _differences(stored: JsonDict, spec: DatasetSpec) -> str:

@@ -19,7 +19,7 @@ def _in_folder(name: str) -> str:
     return name
 
 
-FileName = Annotated[str, AfterValidator(_in_folder)]
+_FileName = Annotated[str, AfterValidator(_in_folder)]
 
 
 _CODE_DESCRIPTION = (
@@ -51,7 +51,7 @@ class CommandExcess(Part):
 class ManifestFile(Part):
     """One file of a data set."""
 
-    name: FileName
+    name: _FileName
     sha256: str = Field(pattern="^[0-9a-f]{64}$")
     bytes: Count
     episode: Count
@@ -84,8 +84,8 @@ class Source(Part):
     left_out: dict[str, Count] | None = Field(default=None, description="as in a manifest")
     controller: Controller | None
     controller_sha256: dict[str, str] | None = Field(default=None, description="as in a manifest")
-    files: list[FileName] = Field(default_factory=list, description="absent if there are `shards`")
-    shards: list[FileName] | None = Field(default=None, description="names of the shards with its episodes")
+    files: list[_FileName] = Field(default_factory=list, description="absent if there are `shards`")
+    shards: list[_FileName] | None = Field(default=None, description="names of the shards with its episodes")
 
 
 class Counts(Part):
@@ -111,7 +111,7 @@ class ShardContent(Part):
 class Shard(Part):
     """A shard of a data set."""
 
-    name: FileName = Field(description="name of the tar file; the manifest beside it ends in `.manifest.json`")
+    name: _FileName = Field(description="name of the tar file; the manifest beside it ends in `.manifest.json`")
     sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of the tar file")
     bytes: Count = Field(description="size of the tar file")
     episodes: Count = Field(description="number of episodes in it")
@@ -156,7 +156,7 @@ class Manifest(DataSet):
     shard: ShardContent | None = Field(
         default=None, description="only in the manifest of a shard: the episodes that it covers, and its file"
     )
-    split: dict[str, list[FileName]] | None = Field(
+    split: dict[str, list[_FileName]] | None = Field(
         description="file names by part: train, dev, test; null: the data set is not split"
     )
     files: list[ManifestFile]

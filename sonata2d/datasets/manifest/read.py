@@ -22,14 +22,14 @@ _BLOCK = 1000  # rows of a manifest that are validated at a time
 _valid: set[bytes] = set()  # hashes of the manifests that this process has validated
 
 
-def manifest_path(folder: Path) -> Path:
+def _manifest_path(folder: Path) -> Path:
     """Path of the manifest of a data set or of a shard."""
     return shard_manifest_path(folder) if is_shard(folder) else folder / MANIFEST
 
 
 def has_manifest(folder: Path) -> bool:
     """Whether a path is the folder of a data set, or a shard with its manifest."""
-    return manifest_path(folder).exists()
+    return _manifest_path(folder).exists()
 
 
 def read_document(folder: Path) -> JsonDict:
@@ -38,7 +38,7 @@ def read_document(folder: Path) -> JsonDict:
     Raises:
         RecordError: the folder has no manifest, or the manifest is damaged or was written by a newer version.
     """
-    path = manifest_path(folder)
+    path = _manifest_path(folder)
     if not path.exists():
         raise RecordError(f"{folder} is not a data set: it has no {path.name}; name one of its episode files")
     content = read_bytes(path)

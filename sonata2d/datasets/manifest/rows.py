@@ -34,8 +34,8 @@ from .names import CROISSANT, MANIFEST, METRICS, SCENARIO, episode_number, shard
 from .read import has_manifest, read_document
 
 _NOT_EPISODES = (SCENARIO, METRICS, CROISSANT, "evaluation.json")  # JSON beside episodes without a manifest
-_FIRST = 10  # files of a manifest of which one must exist
-_KEPT = 8  # number of shards whose rows stay in memory
+_FIRST_FILES = 10  # number of files of a manifest of which one must exist
+_KEPT_SHARDS = 8  # number of shards whose rows stay in memory
 
 T = TypeVar("T")
 
@@ -150,7 +150,7 @@ class ShardRows(Lazy[JsonDict]):
 def _recent(cache: dict[str, T], name: str, make: Callable[[], T]) -> T:
     """The value of a name in a cache, in which the last few values stay."""
     if name not in cache:
-        while len(cache) >= _KEPT:
+        while len(cache) >= _KEPT_SHARDS:
             del cache[next(iter(cache))]
         cache[name] = make()
     return cache[name]
@@ -310,8 +310,8 @@ def files_in_manifest(folder: Path, manifest: JsonDict) -> Sequence[Path]:
     rows = manifest["files"]
     if rows:  # without any, the caller says more
         warn_if_incomplete(folder, manifest)
-    first = [] if isinstance(rows, ShardRows) else [row["name"] for row in rows[:_FIRST]]
-    if first and len(rows) > _FIRST and not any(file_exists(folder / name) for name in first):
+    first = [] if isinstance(rows, ShardRows) else [row["name"] for row in rows[:_FIRST_FILES]]
+    if first and len(rows) > _FIRST_FILES and not any(file_exists(folder / name) for name in first):
         raise RecordError(f"{folder}: {MANIFEST} lists {len(rows)} files, but {first[0]} to {first[-1]} are missing")
     return paths_in(folder, rows)
 

@@ -9,7 +9,7 @@ the walls keep their order and indices. Pedestrians, the robot and most objects 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from functools import partial
 from pathlib import Path
@@ -157,8 +157,7 @@ def twist_image(label: Any) -> list[Any]:
     Raises:
         RecordError: the label is not a twist.
     """
-    is_twist = isinstance(label, list) and len(label) == 3 and all(type(value) in (int, float) for value in label)
-    if not is_twist:
+    if not isinstance(label, list) or len(label) != 3 or any(type(value) not in (int, float) for value in label):
         raise RecordError(f"the label {label!r} is not a twist [vx, vy, omega]; mirror without changing the labels")
     return _row_image(label, _TWIST_SIGNS)
 
@@ -259,9 +258,9 @@ def _document_image(document: JsonDict, label: LabelImage | None) -> JsonDict:
     origin = document.get("mirrored_from")
     original_thetas = dict(origin["thetas"]) if origin else {}
     images: dict[str, Callable[[Any], Any]] = {
-        "rules": _rules_image,
-        "room": _room_image,
-        "walls": _walls_image,
+        "rules": lambda rules: rules | {"side": flipped(rules["side"])},  # pedestrians evade to the other side
+        "room": lambda room: room | {"polygon": _points_image(reversed(room["polygon"]))},  # stays counter-clockwise
+        "walls": lambda walls: [[x2, flipped(y2), x1, flipped(y1)] for x1, y1, x2, y2 in walls],  # with swapped ends
         "objects": lambda objects: _objects_image(objects, original_thetas),
         "doors": lambda doors: [_pose_image(door) for door in doors],
         "queues": lambda queues: [_pose_image(queue) for queue in queues],
@@ -334,14 +333,12 @@ def _pose_image(entity: JsonDict) -> JsonDict:
 
 
 def _human_image(human: JsonDict) -> JsonDict:
-    """The image of a pedestrian; older files lack goals, track and velocity."""
-    image = _pose_image(human)
-    for key in ("goals", "track"):
-        if key in human:
-            image[key] = [[x, flipped(y)] for x, y in human[key]]
-    if "velocity" in human:
-        image["velocity"] = [human["velocity"][0], flipped(human["velocity"][1])]
-    return image
+    points = {key: _points_image(human[key]) for key in ("goals", "track")}
+    return _pose_image(human) | points | {"velocity": _points_image([human["velocity"]])[0]}
+
+
+def _points_image(points: Iterable[list[Any]]) -> list[list[Any]]:
+    return [[x, flipped(y)] for x, y in points]
 
 
 def _objects_image(objects: list[JsonDict], original_thetas: dict[int, Any]) -> list[JsonDict]:
@@ -354,23 +351,8 @@ def _objects_image(objects: list[JsonDict], original_thetas: dict[int, Any]) -> 
     images = [_pose_image(thing) for thing in objects]
     for k, thing in enumerate(objects):
         if _is_oblong(thing):
-            images[k]["theta"] = original_thetas[k] if k in original_thetas else turned_angle(thing["theta"])
+            images[k]["theta"] = original_thetas.get(k, turned_angle(thing["theta"]))
     return images
-
-
-def _room_image(room: JsonDict) -> JsonDict:
-    """The image of the room; the reversed order keeps the polygon counter-clockwise."""
-    return room | {"polygon": [[x, flipped(y)] for x, y in reversed(room["polygon"])]}
-
-
-def _walls_image(walls: list[Any]) -> list[list[Any]]:
-    """The images of the walls in the same order, with swapped ends."""
-    return [[x2, flipped(y2), x1, flipped(y1)] for x1, y1, x2, y2 in walls]
-
-
-def _rules_image(rules: JsonDict) -> JsonDict:
-    """The image of the rules: pedestrians evade to the other side."""
-    return rules | {"side": flipped(rules["side"])}
 
 
 def _controller_image(controller: JsonDict | None) -> JsonDict | None:
@@ -381,16 +363,14 @@ def _controller_image(controller: JsonDict | None) -> JsonDict | None:
     mappings = ((controller or {}).get("settings") or {}).get("hands")
     if controller is None or controller["path"] != "teleoperation" or not mappings:
         return controller
-    image = {kind: _mapping_image(mapping) for kind, mapping in mappings.items()}
+    image = {}
+    for kind, mapping in mappings.items():
+        controls = {
+            control: [axis, flipped(gain) if axis in _SIDEWAYS_AXES else gain]
+            for control, (axis, gain) in mapping["controls"].items()
+        }
+        image[kind] = mapping | {"controls": controls}
     return controller | {"settings": controller["settings"] | {"hands": image}}
-
-
-def _mapping_image(mapping: JsonDict) -> JsonDict:
-    controls = {
-        control: [axis, flipped(gain) if axis in _SIDEWAYS_AXES else gain]
-        for control, (axis, gain) in mapping["controls"].items()
-    }
-    return mapping | {"controls": controls}
 
 
 def _frame_image(frame: JsonDict, label: LabelImage | None) -> JsonDict:

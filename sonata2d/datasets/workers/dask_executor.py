@@ -13,6 +13,7 @@ from weakref import WeakKeyDictionary
 
 from ...core.arguments import whole_number
 from ...core.files import interruption
+from ...core.files.optional import optional
 from ...core.wording import described, shown
 from ...errors import WorkerError
 
@@ -21,10 +22,11 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-_CONNECT = 10.0  # s, for one attempt to connect to a scheduler
+_CONNECT_TIMEOUT = 10.0  # s, for one attempt to connect to a scheduler
 _COUNT_INTERVAL = 2.0  # s, between two counts of the workers, which may come and go
 _WAITING_INTERVAL = 60.0  # s, between two messages that no worker is connected
-_FETCH = 5.0  # s, to wait for a finished result; then for the task to finish again, as its worker may have ended
+# s, to wait for a finished result; then for the task to finish again, as its worker may have ended
+_FETCH_TIMEOUT = 5.0
 _SHARED_FROM = 50_000  # bytes of an argument that is sent to the workers once, and not with each task
 
 
@@ -55,17 +57,17 @@ class DaskExecutor(Executor):
     def __init__(self, address: Any = None, *, workers: int | None = None, patience: float = 600.0) -> None:
         if workers is not None and address is not None:
             raise ValueError("workers is the number of processes of a cluster on this machine; leave it out")
-        self._distributed = _distributed()
+        self._distributed = optional("distributed", WorkerError)
         self.patience = patience
         self._cluster: Any = None
-        self._own_client = not isinstance(address, self._distributed.Client)
+        self._closes_client = not isinstance(address, self._distributed.Client)
         self._generation = 0  # number of times that the scheduler was lost
         self._generations: WeakKeyDictionary[Future[Any], int] = WeakKeyDictionary()
         self._pending: set[Future[Any]] = set()
         self._shared: dict[bytes, Any] = {}  # arguments that the workers have, by content
         self._counted, self._count = float("-inf"), 0
         self._warned = time.monotonic()
-        if self._own_client and not isinstance(address, str | None):
+        if self._closes_client and not isinstance(address, str | None):
             raise TypeError(f"the address of a scheduler is a text such as tcp://10.0.0.5:8786, got {shown(address)}")
         if address is None:
             number = None if workers is None else whole_number("workers", workers, 1)
@@ -76,7 +78,7 @@ class DaskExecutor(Executor):
                 silence_logs=logging.CRITICAL,  # its processes also get Ctrl-C, and say so at length
             )
             address = self._cluster
-        if self._own_client:
+        if self._closes_client:
             self._security = None
             self._connect(address)
         else:
@@ -133,10 +135,10 @@ class DaskExecutor(Executor):
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Disconnect, and end the cluster if it is the executor's own."""
         self._shared.clear()
-        if self._own_client:
-            self._client.close(timeout=_CONNECT)
+        if self._closes_client:
+            self._client.close(timeout=_CONNECT_TIMEOUT)
         if self._cluster is not None:
-            self._cluster.close(timeout=_CONNECT)
+            self._cluster.close(timeout=_CONNECT_TIMEOUT)
 
     def recover(self, future: Future[Any], error: BaseException) -> bool:
         """Connect again after the scheduler has ended, so that a lost task can be submitted again.
@@ -175,9 +177,9 @@ class DaskExecutor(Executor):
             self.address,
             self.patience,
         )
-        if self._own_client:
-            self._client.close(timeout=_CONNECT)
-        self._own_client = True
+        if self._closes_client:
+            self._client.close(timeout=_CONNECT_TIMEOUT)
+        self._closes_client = True
         self._connect(self.address)
         logger.warning("connected to the Dask scheduler %s again", self.address)
 
@@ -191,7 +193,7 @@ class DaskExecutor(Executor):
         while True:
             try:
                 self._probe(address)
-                limit = max(1.0, min(_CONNECT, deadline - time.monotonic()))
+                limit = max(1.0, min(_CONNECT_TIMEOUT, deadline - time.monotonic()))
                 self._client = self._distributed.Client(
                     address, timeout=limit, security=self._security, set_as_default=False
                 )
@@ -244,7 +246,7 @@ def _pass_on(future: Future[Any], task: Any) -> None:
     `Client.get_executor` is not used: its futures are never done if the scheduler ends while a result is fetched.
     """
     try:
-        result = task.result(timeout=_FETCH)
+        result = task.result(timeout=_FETCH_TIMEOUT)
     except BaseException as error:
         if task.status == "error":  # the function raised it
             with suppress(InvalidStateError):
@@ -263,11 +265,3 @@ def _lose(future: Future[Any]) -> None:
     with suppress(RuntimeError, InvalidStateError):  # another thread has done it
         future.cancel()
         future.set_running_or_notify_cancel()
-
-
-def _distributed() -> Any:
-    try:
-        import distributed
-    except ImportError as error:
-        raise WorkerError(f"Dask is not installed ({error}): pip install 'sonata2d[dask]'") from error
-    return distributed

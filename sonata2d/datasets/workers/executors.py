@@ -62,9 +62,9 @@ class Workers:
         self.task_size = task_size if task_size is None else whole_number("task_size", task_size, 1)
         if count is not None:
             whole_number("count", count, 1)
-        self._backend: Processes | _Given
+        self._backend: Processes | _CallersExecutor
         if callable(getattr(executor, "submit", None)):
-            self._backend = _Given(executor, count)
+            self._backend = _CallersExecutor(executor, count)
         elif isinstance(executor, float) or not hasattr(executor, "__index__"):
             raise TypeError(
                 f"workers are a number of processes, or a concurrent.futures.Executor, got {shown(executor)}"
@@ -99,9 +99,16 @@ class Workers:
         self._backend.close()
 
     def results(self, call: Call, items: Iterable[T], total: int | None, *, in_order: bool) -> Generator[Any]:
-        """Results for items, as they are finished or in order; see `parallel_map` and `unordered_map`."""
+        """Apply the function of a call to items; closing the generator stops the workers.
+
+        Args:
+            call: the function, and the paths that it uses.
+            items: arguments of the function; may be endless: only a few tasks for each worker are requested in advance.
+            total: number of items; None: unknown.
+            in_order: whether the results have the order of the items; else they come as they are finished.
+        """
         if (self.is_local and self.count == 1) or total == 1:
-            yield from _own_results(call, items)
+            yield from _results_here(call, items)
             return
         sizes = _TaskSizes(self.task_size, self._backend.task_seconds, total)
         rest, lost, running = iter(items), deque[_Task](), dict[Any, _Task]()
@@ -123,7 +130,7 @@ class Workers:
                     running[submit(task.items)] = task
                 if not running:
                     return
-                for future in self._backend.finished(set(running), _POLL):
+                for future in _finished(set(running)):
                     task = running.pop(future)
                     answer = self._backend.answer(future)
                     if answer is None:
@@ -180,8 +187,8 @@ class _TaskSizes:
             self._size = max(1, min(wanted, _GROWTH * max(items, self._size)))
 
 
-class _Given:
-    """An executor that the caller gave."""
+class _CallersExecutor:
+    """Backend that submits tasks to an executor, which belongs to the caller."""
 
     task_seconds = 2.0  # an executor may take milliseconds to send a task, and seconds to see that it is finished
 
@@ -229,15 +236,6 @@ class _Given:
             while call.writes and any(not task.done() for task in submitted) and time.monotonic() < deadline:
                 time.sleep(0.05)
 
-    def finished(self, futures: set[Any], timeout: float) -> set[Any]:
-        """The tasks that are finished; futures of other classes than the standard library's are polled."""
-        if all(isinstance(future, Future) for future in futures):
-            return wait(futures, timeout=timeout, return_when=FIRST_COMPLETED).done
-        deadline = time.monotonic() + timeout
-        while not (done := {future for future in futures if future.done()}) and time.monotonic() < deadline:
-            time.sleep(0.05)
-        return done
-
     def answer(self, future: Any) -> Answer | None:
         """The answer of a finished task; None if the executor has lost it and has recovered.
 
@@ -262,6 +260,16 @@ class _Given:
     @property
     def _name(self) -> str:
         return type(self._executor).__name__
+
+
+def _finished(futures: set[Any]) -> set[Any]:
+    """The tasks that are finished, after waiting for one for a time; futures of foreign classes are polled."""
+    if all(isinstance(future, Future) for future in futures):
+        return wait(futures, timeout=_POLL, return_when=FIRST_COMPLETED).done
+    deadline = time.monotonic() + _POLL
+    while not (done := {future for future in futures if future.done()}) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return done
 
 
 def _results_of(answer: Answer) -> list[Any]:
@@ -304,44 +312,14 @@ def parallel_map(
         reads: a path that all workers must see, see `tasks.Call`.
         writes: folder in which workers write.
     """
-    call = Call(partial(_itself, function), _never, reads, writes)
+    call = Call(partial(_itself, function), reads=reads, writes=writes)
     total = len(items) if isinstance(items, Sequence) else total
     with shared_workers(workers) as pool, closing(pool.results(call, items, total, in_order=True)) as results:
         yield from results
 
 
-def unordered_map(
-    set_up: Callable[[], Callable[[T], R]],
-    items: Iterator[T],
-    *,
-    workers: int | Executor | Workers,
-    is_last: Callable[[R], bool],
-    total: int | None = None,
-    writes: Path | None = None,
-) -> Generator[R, None, None]:
-    """Apply a function to items and yield the results as they are finished; closing the generator stops the workers.
-
-    `items` may be endless: only a few tasks per worker are requested in advance.
-
-    Args:
-        set_up: returns the function; called once in each worker. Picklable if there are several workers.
-        items: arguments of the function.
-        workers: see `Workers`; with 1 the calling process does the work.
-        is_last: whether a worker skips the rest of its task after this result. Picklable if there are several workers.
-        total: number of items; None: unknown.
-        writes: folder in which workers write.
-    """
-    call = Call(set_up, is_last, None, writes)
-    with shared_workers(workers) as pool, closing(pool.results(call, items, total, in_order=False)) as results:
-        yield from results
-
-
 def _itself(function: Callable[[T], R]) -> Callable[[T], R]:
     return function
-
-
-def _never(result: object) -> bool:
-    return False
 
 
 def shared_workers(workers: int | Executor | Workers) -> AbstractContextManager[Workers]:
@@ -353,7 +331,7 @@ def shared_workers(workers: int | Executor | Workers) -> AbstractContextManager[
     return nullcontext(workers) if isinstance(workers, Workers) else Workers(workers)
 
 
-def _own_results(call: Call, items: Iterable[Any]) -> Iterator[Any]:
+def _results_here(call: Call, items: Iterable[Any]) -> Iterator[Any]:
     """Results of the calling process, item by item."""
     function: Callable[[Any], Any] = applied(call.set_up)
     for item in items:

@@ -10,7 +10,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import cached_property
@@ -96,10 +96,6 @@ class Processes:
             with self._ended_by_interruption():
                 self._stop.set()  # each worker finishes its current item only
                 pool.shutdown()
-
-    def finished(self, futures: set[Future[Answer]], timeout: float) -> set[Future[Answer]]:
-        """The tasks that are finished, after waiting for one."""
-        return wait(futures, timeout=timeout, return_when=FIRST_COMPLETED).done
 
     def answer(self, future: Future[Answer]) -> Answer:
         """The answer of a finished task."""

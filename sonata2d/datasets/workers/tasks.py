@@ -16,10 +16,10 @@ from typing import Any, Literal
 from uuid import uuid4
 
 from ...core.files import interruption
-from ...core.files.locations import is_remote, put_content
 from ...core.files.whole_file import TEMPORARY_PREFIX
 from ...core.wording import described
 from ...errors import WorkerError
+from ...record.files import write_atomically
 from ...record.layout import software_versions
 from ...registry import registered_objects, restore_registered
 from ...version import PHYSICS_VERSION
@@ -41,13 +41,13 @@ class Call:
 
     Attributes:
         set_up: returns the function that is applied to each item; called once in each worker.
-        is_last: whether a worker skips the rest of its items after this result.
+        is_last: whether a worker skips the rest of its items after this result; None: it never does.
         reads: a path that each worker must see, such as the folder of a data set; None: it needs none.
         writes: the folder that workers write to; None: they write nothing.
     """
 
     set_up: Callable[[], Callable[[Any], Any]]
-    is_last: Callable[[Any], bool]
+    is_last: Callable[[Any], bool] | None = None
     reads: Path | None = None
     writes: Path | None = None
 
@@ -69,19 +69,13 @@ def marked(folder: Path | None) -> Iterator[Path | None]:
     """Make the mark of a call in a folder, see `Call.pickled`, and remove it at the end.
 
     Raises:
-        WorkerError: the folder cannot be written.
+        RecordError: the folder cannot be written.
     """
     if folder is None:
         yield None
         return
     mark = folder / f"{MARK}{uuid4().hex}"
-    try:
-        if is_remote(mark):
-            put_content(mark, b"")
-        else:
-            mark.touch()
-    except OSError as error:
-        raise WorkerError(f"{folder} cannot be written: {error.strerror or error}") from error
+    write_atomically(mark, b"")
     try:
         yield mark
     finally:
@@ -125,7 +119,7 @@ def run_task(program: Origin, call: bytes, items: Sequence[Any]) -> Answer:
                 return "stopped", results, time.perf_counter() - start, remark
             except BaseException as error:
                 return "raised", _sendable(error), time.perf_counter() - start, remark
-            if present.is_last(results[-1]):
+            if present.is_last is not None and present.is_last(results[-1]):
                 break
         return "done", results, time.perf_counter() - start, remark
 
