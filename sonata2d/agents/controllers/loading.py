@@ -125,7 +125,7 @@ class ControllerSource:
                 "a controller is a name, a class derived from sonata2d.Controller or an object of one, got "
                 f"{shown(controller)}"
             )
-        self._given: Any = controller
+        self._controller: Any = controller
         self._pickled = b""
         self._files: dict[str, bytes] = {}
         if isinstance(controller, str):
@@ -139,17 +139,17 @@ class ControllerSource:
         Raises:
             ControllerError: it cannot be created, or its class is not known in this process.
         """
-        if self._given is None:
+        if self._controller is None:
             try:
-                self._given = pickle.loads(self._pickled)
+                self._controller = pickle.loads(self._pickled)
             except Exception as error:  # whatever the classes of the object do
                 raise ControllerError(f"{self.name} is unknown in another process: {described(error)}") from error
-        if isinstance(self._given, str):
-            self._given = self._with_copies(self._given)
-            return load_controller(self._given)
-        if isinstance(self._given, type):
-            return _created(self._given, self.name)
-        controller: Controller = self._given
+        if isinstance(self._controller, str):
+            self._controller = self._with_copies(self._controller)
+            return load_controller(self._controller)
+        if isinstance(self._controller, type):
+            return _created(self._controller, self.name)
+        controller: Controller = self._controller
         return controller
 
     def _with_copies(self, name: str) -> str:
@@ -168,17 +168,17 @@ class ControllerSource:
         """State for other processes; classes of a notebook or script, and files, are sent with their content."""
         if not self._pickled:
             try:
-                self._pickled = cloudpickle.dumps(self._given)
+                self._pickled = cloudpickle.dumps(self._controller)
             except Exception as error:  # whatever the classes of the object do
                 raise ControllerError(
                     f"{self.name} cannot be sent to other processes: {described(error)}; use one worker"
                 ) from error
         files = {}
-        for part in _split_pair(self.name) if isinstance(self._given, str) else ():
+        for part in _split_pair(self.name) if isinstance(self._controller, str) else ():
             place = next((file for file in (part, part.rpartition(":")[0]) if file and os.path.isfile(file)), None)
             if place is not None:
                 files[place] = Path(place).read_bytes()
-        return {"name": self.name, "_pickled": self._pickled, "_given": None, "_files": files or self._files}
+        return {"name": self.name, "_pickled": self._pickled, "_controller": None, "_files": files or self._files}
 
 
 @cache
@@ -349,8 +349,8 @@ def _only_class(module: ModuleType, name: str) -> type[Controller]:
             raise ControllerError(f"{name}:{kinds[0].__name__} {problem}")
         names = ", ".join(kind.__name__ for kind in classes) or "no Controller class"
         raise ControllerError(f"{name} defines {names}; name one Controller class, as in {name}:Name")
-    found_class: type[Controller] = classes[0]
-    return found_class
+    controller_class: type[Controller] = classes[0]
+    return controller_class
 
 
 def _problem(item: object) -> str | None:

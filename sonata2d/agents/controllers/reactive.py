@@ -8,6 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from ...core.compiled.packing import zeros
 from ...core.geometry import Point, Twist
 from ...core.navigation import FreeSpace
 from ...core.portable_math import angle_of, unit_vector
@@ -138,11 +139,10 @@ def _robot_among(count: int, radius: float, speed: float) -> Walkers:
         radius: of the robot, m.
         speed: desired speed of the robot, m/s.
     """
-    vectors, is_robot = np.zeros((3, count + 1, 2)), np.arange(count + 1) == count
-    return Walkers(
-        position=vectors[0],
-        velocity=vectors[1],
-        desired_direction=vectors[2],
+    is_robot = np.arange(count + 1) == count
+    return zeros(
+        Walkers,
+        count + 1,
         body_direction=np.tile((1.0, 0.0), (count + 1, 1)),
         desired_speed=np.where(is_robot, speed, 0.0),
         radius=np.full(count + 1, float(radius)),
@@ -152,10 +152,8 @@ def _robot_among(count: int, radius: float, speed: float) -> Walkers:
         attention=np.zeros(count),
         group=np.full(count + 1, -1),
         is_abreast=np.ones(count + 1, dtype=bool),
-        shoulder=np.zeros(count + 1),
         headway=np.ones(count + 1),
         politeness=np.ones(count + 1),
-        steering=np.zeros((count + 1, 2)),
     )
 
 

@@ -138,7 +138,7 @@ class Teleoperation(Controller):
     def __init__(
         self, mappings: Mapping[str, DeviceMapping] = DEFAULT_MAPPINGS, label: LabelSpec | None = None
     ) -> None:
-        self._mappings, self._label_spec = dict(mappings), label or LabelSpec()
+        self.mappings, self._label_spec = dict(mappings), label or LabelSpec()
         self.labels = {self._label_spec.name: self._label_spec.meaning} if self._label_spec.per_frame else {}
         self._controls: dict[str, dict[str, float]] = {}  # device -> control -> its last value
         self._label: bool | int | float | None = None
@@ -149,11 +149,6 @@ class Teleoperation(Controller):
         mappings = {kind: DeviceMapping.from_settings(m) for kind, m in settings.get("hands", {}).items()}
         label = LabelSpec.from_settings(settings["label"]) if "label" in settings else None
         return cls(mappings or DEFAULT_MAPPINGS, label)
-
-    @property
-    def mappings(self) -> Mapping[str, DeviceMapping]:
-        """The mapping of each kind of device."""
-        return self._mappings
 
     @property
     def pressed(self) -> tuple[DeviceEvent, ...]:
@@ -167,7 +162,7 @@ class Teleoperation(Controller):
 
     def settings(self) -> dict[str, Any]:
         """Everything that determines how events are read, as JSON-compatible values."""
-        mappings = {kind: mapping.settings() for kind, mapping in self._mappings.items()}
+        mappings = {kind: mapping.settings() for kind, mapping in self.mappings.items()}
         return {"hands": mappings} | ({"label": asdict(self._label_spec)} if self._label_spec.per_frame else {})
 
     def reset(self, scene: Scene) -> None:
@@ -194,7 +189,7 @@ class Teleoperation(Controller):
         """The sum of the commands of all devices on each axis, clipped to [-1, 1]."""
         total: dict[Axis, float] = dict.fromkeys(AXES, 0.0)
         for device, values in self._controls.items():
-            mapping = self._mappings.get(device) or self._mappings.get(device.rstrip("0123456789"))
+            mapping = self.mappings.get(device) or self.mappings.get(device.rstrip("0123456789"))
             for axis, value in (mapping.read(values) if mapping else {}).items():
                 total[axis] += value
         return {axis: min(max(value, -1.0), 1.0) for axis, value in total.items()}

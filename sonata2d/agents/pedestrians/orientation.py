@@ -75,7 +75,7 @@ class Glances(NamedTuple):
 
 
 def initial_glances(scene: Scene, reactions: Reactions) -> Glances:
-    """The glances at the start of an episode; random numbers are drawn later, see `GlanceStreams`."""
+    """The glances at the start of an episode; random numbers are drawn later, see `refill`."""
     count = len(scene.humans)
     times = [ROBOT_GLANCES.get(kind, _NEVER) for kind in reactions.kind.tolist()]
     until, following, partner, partner_until, used = np.zeros((5, count), dtype=np.int64)
@@ -85,22 +85,12 @@ def initial_glances(scene: Scene, reactions: Reactions) -> Glances:
     )
 
 
-class GlanceStreams:
-    """Refills `Glances.uniform` from each pedestrian's random stream, in the order of the stream.
-
-    Args:
-        scene: gives the seeds.
-    """
-
-    def __init__(self, scene: Scene) -> None:
-        self._rng = AgentStreams(scene.seed, scene.episode, "glances", scene.human_table.id.tolist())
-
-    def refill(self, glances: Glances) -> None:
-        """Draw random numbers for all pedestrians that have fewer than they may need in a tick."""
-        for k in np.flatnonzero(glances.used > _STOCK - DRAWS_PER_TICK).tolist():
-            used = int(glances.used[k])
-            glances.uniform[k] = np.concatenate((glances.uniform[k, used:], self._rng[k].uniforms(used)))
-            glances.used[k] = 0
+def refill(glances: Glances, streams: AgentStreams) -> None:
+    """Draw random numbers for all pedestrians that have fewer than they may need in a tick, in the streams' order."""
+    for k in np.flatnonzero(glances.used > _STOCK - DRAWS_PER_TICK).tolist():
+        used = int(glances.used[k])
+        glances.uniform[k] = np.concatenate((glances.uniform[k, used:], streams[k].uniforms(used)))
+        glances.used[k] = 0
 
 
 @subroutine

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.compiled.kernel import subroutine
-from ...core.compiled.packing import Bools, Floats, Floats2, Ints
+from ...core.compiled.packing import Bools, Floats, Floats2, Ints, zeros
 from ...core.compiled.scalar import Vector, exp, gap
 from ...core.humans import VX, VY, X, Y
 from ...core.portable_math import Array
@@ -100,21 +100,14 @@ def initial_reactions(scene: Scene) -> Reactions:
     count = len(humans)
     kind = np.array([KINDS[human.reaction] for human in humans], dtype=np.int64)
     clearance = np.array([human.robot_clearance for human in humans], dtype=float)
-    return Reactions(
+    return zeros(
+        Reactions,
+        count,
         kind=kind,
         weight=np.array([human.reacts_to_robot for human in humans], dtype=float),
         is_alone=np.array([human.group is None for human in humans], dtype=bool),
         clearance=np.where(kind == SCARED, clearance + SCARED_CLEARANCE, clearance),
         contact_distance=scene.human_table.circumradius + scene.robot.radius,
-        elapsed=np.zeros(count),
-        is_exhausted=np.zeros(count, dtype=bool),
-        delay=np.zeros(count),
-        passing_side=np.zeros(count),
-        notices=np.zeros(count, dtype=bool),
-        faces_robot=np.zeros(count, dtype=bool),
-        gap=np.zeros(count),
-        robot_direction=np.zeros((count, 2)),
-        velocity=np.zeros((count, 2)),
         walls=np.zeros((len(scene.barriers), 3)),
     )
 

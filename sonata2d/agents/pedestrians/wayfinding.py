@@ -16,6 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ...core.compiled.packing import zeros
 from ...core.entities import PERSON_RADIUS, Place
 from ...core.geometry import Barriers, Point, as_point
 from ...core.humans import VX, VY, X, Y
@@ -78,27 +79,20 @@ class Wayfinding:
         self._has_groups = any(group.kind == "walking" for group in scene.groups)
         self._has_exits = any(human.exits for human in humans)
         self._versions = 0
-        self.routes = Routes(
+        self.routes = zeros(
+            Routes,
+            count,
             order=np.array(walking, dtype=np.int64),
             leader=np.full(count, -1),
             first=np.arange(count),
             path=np.zeros((count, _WAYPOINTS, 2)),
-            length=np.zeros(count, dtype=np.int64),
-            next=np.zeros(count, dtype=np.int64),
-            version=np.zeros(count, dtype=np.int64),
             copied=np.full(count, -1),
             goals_left=np.array(
                 [len(self._goals[k]) if k in self._goals else -1 for k in range(count)], dtype=np.int64
             ),
-            is_assigned=np.zeros(count, dtype=bool),
-            is_stopping=np.zeros(count, dtype=bool),
             is_exiting=np.array([human.exits for human in humans], dtype=bool),
-            is_abreast=np.zeros(count, dtype=bool),
             checkpoint=np.full((count, 2), math.nan),
             target=scene.human_table.position.copy(),
-            is_final=np.zeros(count, dtype=bool),
-            is_leaving=np.zeros(count, dtype=bool),
-            is_blocked=np.zeros(count, dtype=bool),
         )
         self._choose_leaders(walking)
         self.choose_task: Callable[[int, Point], bool] | None = None

@@ -9,6 +9,7 @@ compiled code passes every array of a tuple, which would take longer than the te
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -106,25 +107,33 @@ class PedestrianModel(Protocol):
 class KernelModel:
     """Base class of the models that are kernels: keeps what kernels need of a scene, in the types that they take.
 
-    Subclasses pass `_barriers` (rows of `Barriers.table`), `_side` (+1 or -1), `_dt` (s) and `_output(walkers)` to
-    their kernels.
+    Subclasses name their `kernel`, or pass `_barriers` (rows of `Barriers.table`), `_side` (+1 or -1), `_dt` (s) and
+    `_output(walkers)` to it in an `acceleration` of their own.
 
     Args:
         scene: its walls and furniture, the side of its rules and its tick.
 
     Attributes:
         parameters: of the model, a named tuple of floats.
+        kernel: its arguments are the packed input and parameters, barriers, side, dt, and the array for the result.
     """
 
     evaluations = 1
     headed = False
     parameters: tuple[Any, ...] = ()
+    kernel: Callable[..., None]
 
     def __init__(self, scene: Scene) -> None:
         self._barriers, self._side, self._dt = scene.barriers.table, float(scene.rules.side), float(scene.rules.dt)
         self._parameters = pack(self.parameters) if self.parameters else None
         self._result = np.zeros((0, 2))
         self._walkers: Packed[Walkers] | None = None  # the last input
+
+    def acceleration(self, walkers: Walkers) -> Array:
+        """Acceleration of the agents that walk, by the kernel; see `PedestrianModel.acceleration`."""
+        acceleration = self._output(walkers)
+        self.kernel(self._packed(walkers), self._parameters, self._barriers, self._side, self._dt, acceleration)
+        return acceleration
 
     def _packed(self, walkers: Walkers) -> Any:
         """The packed input; agents are mostly the same arrays as at the last call."""

@@ -88,7 +88,7 @@ def elliptical_acceleration(
 
 @kernel
 def _accelerations(
-    packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, acceleration: Array
+    packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, dt: float, acceleration: Array
 ) -> None:
     """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
     walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Helbing1995)
@@ -127,11 +127,5 @@ class Helbing1995Model(KernelModel):
     `Crowd`, to every model.
     """
 
-    parameters = PARAMETERS
-
+    parameters, kernel = PARAMETERS, staticmethod(_accelerations)
     evaluations = 2
-
-    def acceleration(self, walkers: Walkers) -> Array:
-        acceleration = self._output(walkers)
-        _accelerations(self._packed(walkers), self._parameters, self._barriers, self._side, acceleration)
-        return acceleration

@@ -113,7 +113,7 @@ def wall_contact_acceleration(walkers: Walkers, i: int, barriers: Array, paramet
 
 @kernel
 def _accelerations(
-    packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, acceleration: Array
+    packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, dt: float, acceleration: Array
 ) -> None:
     """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
     walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Helbing2000)
@@ -136,11 +136,5 @@ class Helbing2000Model(KernelModel):
     Source: Helbing, Farkas & Vicsek, Nature 407 (2000) 487.
     """
 
-    parameters = PARAMETERS
-
+    parameters, kernel = PARAMETERS, staticmethod(_accelerations)
     evaluations = 10
-
-    def acceleration(self, walkers: Walkers) -> Array:
-        acceleration = self._output(walkers)
-        _accelerations(self._packed(walkers), self._parameters, self._barriers, self._side, acceleration)
-        return acceleration

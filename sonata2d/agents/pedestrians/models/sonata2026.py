@@ -595,14 +595,9 @@ class Sonata2026Model(KernelModel):
         if len(acceleration) > len(self._memory.value.generator):
             self._add_agents(len(acceleration))
         _accelerations(
-            self._packed(walkers),
-            self._parameters,
-            self._memory.argument,
-            self._barriers,
-            self._side,
-            self._dt,
+            self._packed(walkers), self._parameters, self._memory.argument, self._barriers, self._side, self._dt,
             acceleration,
-        )
+        )  # fmt: skip
         return acceleration
 
     def _add_agents(self, count: int) -> None:
