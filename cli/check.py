@@ -46,8 +46,7 @@ def command(path: Path, replay: bool, rerun: bool, controller: str | None, worke
             advance=advance,
         )  # fmt: skip
     if wants_json():
-        rows = [{"file": p.file, "place": p.place, "message": p.message, "is_warning": p.is_warning} for p in problems]
-        show_json({"files": len(files), "problems": rows})
+        show_json({"files": len(files), "problems": problems})
     else:
         lines = _grouped(problems)
         for line in lines[:MAX_PROBLEMS]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,7 +43,7 @@ def command(path: Path) -> None:
         rows = _episode_rows(path)
     if wants_json():
         values = {name.replace(" ", "_"): value for name, value in rows}
-        show_json(values | {"ratings": [_agreement_json(agreement) for agreement in ratings]} if ratings else values)
+        show_json(values | {"ratings": ratings} if ratings else values)
     else:
         rows += [row for agreement in ratings for row in _agreement_rows(agreement)]
         show_table(line for name, value in rows for line in _lines(name, value))
@@ -160,6 +159,7 @@ def _episode_rows(path: Path) -> Rows:
     walking = sum(human.walks_at_start and human.enters == 0 for human in scene.humans)
     recorded = sum(human.behaviour == "recorded" for human in scene.humans)
     sometimes_absent = int((~record.states.present).any(axis=0).sum())
+    goal = f"({scene.goal.x:.6g}, {scene.goal.y:.6g}), reached within {scene.goal.distance:g} m"
     rows: Rows = [
         ("episode", record.id),
         ("scenario", scene.family),
@@ -176,12 +176,7 @@ def _episode_rows(path: Path) -> Rows:
         *((kind, len(marks)) for kind, marks in _landmarks(scene) if marks),
         ("interactions", [[i.src, i.relation, i.dst] for i in scene.interactions]),
         ("robot", _measured(scene, "robot", f"{scene.robot.kinematics}, radius {scene.robot.radius:g} m")),
-        (
-            "goal",
-            _measured(
-                scene, "goal", f"({scene.goal.x:.6g}, {scene.goal.y:.6g}), reached within {scene.goal.distance:g} m"
-            ),
-        ),
+        ("goal", _measured(scene, "goal", goal)),
         ("frames", f"{len(record)}, one each {scene.rules.dt} s"),
         ("outcome", f"{record.outcome.status}: {record.outcome.reason}"),
         ("contacts", totals.contacts),
@@ -199,22 +194,6 @@ def _episode_rows(path: Path) -> Rows:
     for block, columns in document["columns"].items():
         rows.append((f"{block} columns", [f"{c['name']} [{c['unit']}, {c['frame']}]" for c in columns]))
     return rows
-
-
-def _agreement_json(agreement: Agreement) -> dict[str, Any]:
-    """Agreement of the ratings of one question, complete, as JSON."""
-    between = {"measure": agreement.measure, "value": agreement.alpha} if agreement.measure else None
-    return {
-        "question": agreement.spec.question,
-        "kind": agreement.spec.kind,
-        "raters": agreement.raters,
-        "ratings": agreement.ratings,
-        "runs": agreement.runs,
-        "runs_rated_by_two_or_more": agreement.shared,
-        "between_raters": between,
-        "within_raters": [asdict(consistency) for consistency in agreement.within],
-        "disputed": [asdict(run) for run in agreement.disputed],
-    }
 
 
 def _agreement_rows(agreement: Agreement) -> Rows:

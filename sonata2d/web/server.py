@@ -43,13 +43,8 @@ T = TypeVar("T")
 MAPPINGS = dict(DEFAULT_MAPPINGS) | {
     "touch": DeviceMapping(DEFAULT_MAPPINGS["mouse"].controls, DEFAULT_MAPPINGS["mouse"].dead_zone)
 }
-_TAKEN_OVER, _OCCUPIED, _UNKNOWN, _TOO_MANY_MISTAKES, _FULL = (
-    4001,
-    4002,
-    4003,
-    4004,
-    4005,
-)  # codes of closed web sockets
+# Codes of closed web sockets; `connection.js` knows them.
+_TAKEN_OVER, _OCCUPIED, _UNKNOWN, _TOO_MANY_MISTAKES, _FULL = range(4001, 4006)
 _MAX_MISTAKES = 20  # messages of one connection that cannot be read
 _AWAY_S, _SWEEP_S = 600.0, 60.0  # time without a page, after which a session is closed; time between two checks of it
 _IDLE_S = 900.0  # time without a message, after which a connection is closed
