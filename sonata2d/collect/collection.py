@@ -34,15 +34,7 @@ from ..datasets.manifest import (
 )
 from ..errors import ConfigError, RecordError
 from ..record.canonical import parse_header
-from ..record.files import (
-    SUFFIXES,
-    compress,
-    file_stem,
-    read_bytes,
-    safe_name,
-    safe_stem,
-    write_atomically,
-)
+from ..record.files import SUFFIXES, compress, file_stem, read_bytes, safe_name, safe_stem, write_atomically
 from ..record.layout import JsonDict, software_versions
 from ..record.reader import read_episode
 from ..record.recorder import EpisodeRecorder

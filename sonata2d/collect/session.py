@@ -122,11 +122,6 @@ class Session:
         self._collection.log(event="begun", at=self._time(), scenario=config.name, seed=seed, recovered=self.recovered)
 
     @property
-    def out(self) -> Path:
-        """Folder of the runs."""
-        return self._collection.folder
-
-    @property
     def contributor(self) -> str:
         """Name of the driver."""
         return self._collection.contributor

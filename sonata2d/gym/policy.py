@@ -22,10 +22,10 @@ from ..core.snapshot import Snapshot
 from ..core.wording import described, one_line, shown
 from ..errors import ControllerError
 from .description import describe, environment_of, require_parts
+from .env import Env
 from .mlp import Mlp, read_mlp
 from .pipeline import Pipeline
 
-Env = gymnasium.Env[Any, Any]
 Predict = Callable[[Any], Any]
 METADATA_KEY = "sonata2d_environment"  # of an .onnx file; its value is the description of the environment
 

@@ -23,11 +23,9 @@ from ..core.furniture_types import OBJECT_TYPES
 from ..core.portable_math import PI, unit_vectors
 from ..core.relations import ACTIVITIES, RELATIONS
 from ..registry import did_you_mean
-from .env import SocialNavEnv, base_of, wrappers_of
+from .env import Env, SocialNavEnv, base_of, wrappers_of
 from .parts import FARTHEST, STANDARD, Floats32, Observation, Table
 from .sensing import measure_ranges, visible
-
-Env = gymnasium.Env[Any, Any]
 
 
 def has_memory(wrapper: gymnasium.Wrapper[Any, Any, Any, Any]) -> bool:

@@ -319,33 +319,21 @@ def _draw_gauges(pen: _Pen, snapshot: Snapshot, box: pygame.Rect) -> None:
 
 def _draw_clearance(pen: _Pen, snapshot: Snapshot, place: tuple[int, int], right: int) -> None:
     """Write the contact of the robot, or the distance to the nearest pedestrian with the sign of its zone."""
-    words = _clearance_words(snapshot)
-    nearest = _nearest(snapshot)
-    sign, colour = zone_of(-math.inf if snapshot.contacts else nearest)
-    if nearest == math.inf and not snapshot.contacts:
-        pen.write(pen.fitted(words, right - place[0]), place, colour=FAINT)
+    gaps = clearances(snapshot)
+    nearest = float(gaps[np.isfinite(gaps)].min(initial=math.inf))  # m, infinite without pedestrians
+    kind = touched_kind(snapshot)
+    if kind is not None:
+        words = text(f"readings.touching_{kind}")
+    elif nearest < math.inf:
+        words = text("readings.nearest", distance=f"{max(nearest, 0.0):.1f}")
+    else:  # nothing that has a zone
+        pen.write(pen.fitted(text("readings.nobody"), right - place[0]), place, colour=FAINT)
         return
+    sign, colour = zone_of(-math.inf if kind else nearest)
     radius = pen.px(7)
     pen.sign(sign, (place[0] + radius, place[1]), radius, colour)
     left = place[0] + 3 * radius
     pen.write(pen.fitted(words, right - left), (left, place[1]), colour=colour)
-
-
-def _clearance_words(snapshot: Snapshot) -> str:
-    """The contact of the robot, pedestrians first, or the distance to the nearest pedestrian, in words."""
-    kind = touched_kind(snapshot)
-    if kind is not None:
-        return text(f"readings.touching_{kind}")
-    nearest = _nearest(snapshot)
-    if nearest == math.inf:
-        return text("readings.nobody")
-    return text("readings.nearest", distance=f"{max(nearest, 0.0):.1f}")
-
-
-def _nearest(snapshot: Snapshot) -> float:
-    """Gap between the robot and the nearest pedestrian, m; infinite without pedestrians."""
-    gaps = clearances(snapshot)
-    return float(gaps[np.isfinite(gaps)].min(initial=math.inf))
 
 
 def zone_of(clearance: float) -> tuple[str, Colour]:
@@ -379,8 +367,7 @@ def _draw_goal_distance(pen: _Pen, snapshot: Snapshot, camera: Camera, picture: 
         angle = math.atan2(y - middle[1], x - middle[0])
         c, s = math.cos(angle), math.sin(angle)
         radius = min(  # from the middle to the edge of the free part
-            (free.width / 2 - margin) / max(abs(c), 1e-9),
-            (free.height / 2 - margin) / max(abs(s), 1e-9),
+            (free.width / 2 - margin) / max(abs(c), 1e-9), (free.height / 2 - margin) / max(abs(s), 1e-9)
         )
         tip = middle[0] + radius * c, middle[1] + radius * s
         pen.arrow(tip, angle, size, shaded(GOAL, 0.35))

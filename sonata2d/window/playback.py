@@ -22,7 +22,6 @@ class Player:
     Args:
         record: the run.
         speed: seconds of the run per second of real time.
-        playing: whether playback starts at once.
         speeds: speeds that `faster` and `slower` step through.
 
     Attributes:
@@ -37,12 +36,10 @@ class Player:
         ValueError: the speed is not positive.
     """
 
-    def __init__(
-        self, record: EpisodeRecord, *, speed: float = 1.0, playing: bool = True, speeds: tuple[float, ...] = _SPEEDS
-    ) -> None:
+    def __init__(self, record: EpisodeRecord, *, speed: float = 1.0, speeds: tuple[float, ...] = _SPEEDS) -> None:
         if not speed > 0.0:
             raise ValueError(f"speed is {speed}; it must be a number above 0")
-        self.record, self.speed, self.playing = record, speed, playing
+        self.record, self.speed, self.playing = record, speed, True
         self.last, self.dt, self.watched = len(record), record.scene().rules.dt, False
         self.length = self.last * self.dt
         self._speeds = speeds

@@ -135,7 +135,7 @@ def draw_notice(
 
 
 def button_row(
-    ui: pygame_gui.UIManager, box: pygame.Rect, specs: Sequence[_ButtonSpec], *, gap: int = 6, equal: bool = False
+    ui: pygame_gui.UIManager, box: pygame.Rect, specs: Sequence[_ButtonSpec], *, gap: int = 6
 ) -> list[UIButton]:
     """Create buttons side by side that fill a box.
 
@@ -144,9 +144,8 @@ def button_row(
         box: px.
         specs: text, command and tool tip of each button.
         gap: between buttons, px.
-        equal: whether all buttons have the same width; otherwise the width follows the text.
     """
-    texts = [0 if equal else natural_width(ui, words) for words, _, _ in specs]
+    texts = [natural_width(ui, words) for words, _, _ in specs]
     rest = (box.width - gap * (len(specs) - 1) - sum(texts)) / len(specs)
     if rest < _BUTTON_PADDING:  # too narrow for all texts: equal widths, and the longest texts are cut
         texts, rest = [0] * len(specs), (box.width - gap * (len(specs) - 1)) / len(specs)

@@ -422,8 +422,7 @@ def _interpolated(layers: Array, layer: int, u: float, v: float) -> float:
     u, v = u - i, v - j
     near = layers[layer, i, j] * (1.0 - v) + layers[layer, i, j + 1] * v
     far = layers[layer, i + 1, j] * (1.0 - v) + layers[layer, i + 1, j + 1] * v
-    interpolated: float = near * (1.0 - u) + far * u
-    return interpolated
+    return float(near * (1.0 - u) + far * u)
 
 
 @subroutine
@@ -441,8 +440,7 @@ def _courtesy(numbers: Array, layers: Array, progress: Array, tick: int, positio
     if here < progress[0] - 0.2:
         progress[0], progress[1] = here, tick
     overtime = max((tick - progress[1]) * numbers[DT] - IMPATIENCE, 0.0)
-    courtesy: float = 1.0 / (1.0 + overtime / IMPATIENCE)
-    return courtesy
+    return float(1.0 / (1.0 + overtime / IMPATIENCE))
 
 
 @subroutine
@@ -586,8 +584,7 @@ def _nearby_people(
 def _stopping_distance(numbers: Array, speed: float, approach: float) -> float:
     """Distance by which robot and person come nearer until the robot has stopped, m."""
     braking_time = speed / numbers[ACCELERATION] + REACTION_TIME
-    distance: float = speed * (braking_time + REACTION_TIME) * 0.5 + approach * braking_time
-    return distance
+    return float(speed * (braking_time + REACTION_TIME) * 0.5 + approach * braking_time)
 
 
 @subroutine
@@ -668,5 +665,4 @@ def _disturbance(numbers: Array, clearance: float, speed: float) -> float:
     cost = numbers[INTIMATE] * max(1.0 - clearance / INTIMATE_DISTANCE, 0.0)
     cost += numbers[PERSONAL] * max(1.0 - clearance / PERSONAL_DISTANCE, 0.0)
     haste = speed - SLOW_SPEED - SPEED_PER_METRE * clearance  # m/s above the proper speed
-    total: float = cost + numbers[HURRY] * max(haste, 0.0)
-    return total
+    return float(cost + numbers[HURRY] * max(haste, 0.0))

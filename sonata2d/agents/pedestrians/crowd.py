@@ -199,7 +199,7 @@ class Crowd:
             refresh=self._refresh if self._evaluations > 1 else None,
             evaluations=self._evaluations,
             leaving=wayfinding.leaving + self._social_dynamics.leaving,
-            seats=self._social_dynamics.seats,
+            seats=self._social_dynamics.seats.pairs,
         )
 
     def turn_shoulders_like(self, other: Crowd) -> None:

@@ -249,8 +249,7 @@ def _passing_distance(reactions: Reactions, k: int) -> float:
     if reactions.faces_robot[k] and reactions.kind[k] in (CURIOUS, STOPS):
         clearance = min(clearance, CLOSE_CLEARANCE)
     tight = min(clearance, TIGHT_CLEARANCE)
-    distance: float = reactions.contact_distance[k] + tight + (clearance - tight) * patience
-    return distance
+    return float(reactions.contact_distance[k] + tight + (clearance - tight) * patience)
 
 
 @subroutine

@@ -47,6 +47,7 @@ class SocialDynamics:
 
     Attributes:
         leaving: indices of the pedestrians that have reached the door through which they leave, in this tick.
+        seats: the seats, and the pedestrians that sit on them.
     """
 
     def __init__(self, scene: Scene, social: SocialState, wayfinding: Wayfinding) -> None:
@@ -69,7 +70,7 @@ class SocialDynamics:
         self._tick, self._position = 0, social.standing_position
         self._feet = np.zeros((len(humans), 2))  # unit vectors of the directions in which feet point
         self._things = [(thing, furniture_type(thing.type)) for thing in scene.furniture]
-        self._seats = Seats(scene, social, wayfinding, self._dt)
+        self.seats = Seats(scene, social, wayfinding, self._dt)
         self._lines = [QueueLine(queue, social, self._rng, self._dt) for queue in scene.queues]
         self._exits = Exits(scene, wayfinding)
         self.leaving: tuple[int, ...] = ()
@@ -79,11 +80,6 @@ class SocialDynamics:
             wayfinding.choose_task = self._choose_task
             self._plan_initial_departures()
         self._start_seated_and_waiting()
-
-    @property
-    def seats(self) -> tuple[tuple[int, int], ...]:
-        """See `CrowdCommands.seats`."""
-        return self._seats.pairs
 
     def update(self, tick: int, position: Array, walkers: Walkers) -> None:
         """Advance by one tick: arrivals, ends of tasks and meetings. Call it before `Wayfinding.update`.
@@ -128,7 +124,7 @@ class SocialDynamics:
                 self._wayfinding.stop(k)
                 # It has been sitting for a while: a random part of its time is over.
                 until = int(self._draw_end(k, "sit") * self._rng[k].uniform())
-                self._tasks[k], self._is_changed = self._seats.initial_task(k, human.seat, until), True
+                self._tasks[k], self._is_changed = self.seats.initial_task(k, human.seat, until), True
         for line in self._lines:
             waiting = [k for k, human in enumerate(humans) if human.queue == line.queue.id]
             x, y = line.queue.pose.position
@@ -151,9 +147,9 @@ class SocialDynamics:
         elif task.kind == "queue" and task.has_arrived:
             pass  # the queue tells when it is over
         elif task.kind == "sit" and task.has_arrived:
-            if self._seats.advance(k, task, self._tick):
+            if self.seats.advance(k, task, self._tick):
                 task.until = self._draw_end(k, "sit")
-            elif task.phase == RISING and self._seats.is_over(task, as_point(self._position[k])):
+            elif task.phase == RISING and self.seats.is_over(task, as_point(self._position[k])):
                 self._leave(k)
         elif task.has_arrived:
             if self._tick >= task.until:
@@ -188,7 +184,7 @@ class SocialDynamics:
         if task.kind != "stay":
             self._last[k] = task.kind
             self._has_walked.discard(k)
-        self._seats.release(k)
+        self.seats.release(k)
         if not self._social.is_walking[k]:
             self._is_changed = self._is_changed or self._social.is_in_the_way(k)
             self._social.start_walking(k)
@@ -205,7 +201,7 @@ class SocialDynamics:
             return
         self._wayfinding.stop(k)
         if task.kind == "sit":
-            self._seats.arrive(k, task, self._tick)
+            self.seats.arrive(k, task, self._tick)
             return
         task.has_arrived = self._is_changed = True
         if task.line is not None:
@@ -364,7 +360,7 @@ class SocialDynamics:
         elif kind == "talk":
             yield from self._joining_tasks(position)
         elif kind == "sit":
-            yield from self._seats.tasks({task.object_id for task in self._tasks.values()})
+            yield from self.seats.tasks({task.object_id for task in self._tasks.values()})
         else:
             for line in self._lines if self._tick >= self._may_queue_from.get(k, 0) else ():
                 coming = sum(task.line is line and not task.has_arrived for task in self._tasks.values())
