@@ -15,11 +15,10 @@ from .output import show_json, show_table, wants_json
 if TYPE_CHECKING:
     from sonata2d.collect.agreement import Agreement, RaterConsistency
     from sonata2d.core.scene import Scene, Unmeasured
-    from sonata2d.datasets.summaries import ExcessiveCommands
 
 Rows = list[tuple[str, object]]
 
-MAX_DISPUTED = 5  # disputed runs printed without --json
+_MAX_DISPUTED = 5  # disputed runs printed without --json
 
 
 @click.command(cls=Command, epilog=examples("describe demo", "describe demo/000000.json", "describe demo --json"))
@@ -76,7 +75,7 @@ def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
         ("bytes", totals.bytes),
         ("outcomes", counts["outcome"]),
         ("contacts", totals.contacts),
-        *_limit_rows(totals.excess),
+        *([("commands beyond limits", totals.excess)] if totals.excess else []),
         ("families", counts["family"]),
         ("physics version", manifest["physics"]),
         ("sonata2d", manifest["software"]["sonata2d"]),
@@ -90,11 +89,6 @@ def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
     if manifest["split"]:
         rows.append(("split", {part: len(names) for part, names in manifest["split"].items()}))
     return rows + (_answer_rows(folder, files) + _delay_rows(folder, files) if manifest["collected"] else [])
-
-
-def _limit_rows(excess: list[ExcessiveCommands]) -> Rows:
-    """Commands beyond the limits of the robot's drive; no row without such commands."""
-    return [("commands beyond limits", excess)] if excess else []
 
 
 def _source_text(source: dict[str, Any]) -> str:
@@ -144,10 +138,6 @@ def _measured(scene: Scene, name: Unmeasured, text: str) -> str:
     return "not in the source" if name in scene.unmeasured else text
 
 
-def _landmarks(scene: Scene) -> list[tuple[str, tuple[object, ...]]]:
-    return [("doors", scene.doors), ("queues", scene.queues), ("places of interest", scene.places)]
-
-
 def _episode_rows(path: Path) -> Rows:
     """Contents of an episode file."""
     from sonata2d.datasets.summaries import totals_of
@@ -159,6 +149,7 @@ def _episode_rows(path: Path) -> Rows:
     walking = sum(human.walks_at_start and human.enters == 0 for human in scene.humans)
     recorded = sum(human.behaviour == "recorded" for human in scene.humans)
     sometimes_absent = int((~record.states.present).any(axis=0).sum())
+    landmarks = {"doors": scene.doors, "queues": scene.queues, "places of interest": scene.places}
     goal = f"({scene.goal.x:.6g}, {scene.goal.y:.6g}), reached within {scene.goal.distance:g} m"
     rows: Rows = [
         ("episode", record.id),
@@ -173,14 +164,14 @@ def _episode_rows(path: Path) -> Rows:
         ("ignore the robot", sum(human.reacts_to_robot == 0.0 for human in scene.humans)),
         ("towards the robot", dict(sorted(Counter(human.reaction for human in scene.humans).items()))),
         ("objects", [thing.type for thing in scene.furniture]),
-        *((kind, len(marks)) for kind, marks in _landmarks(scene) if marks),
+        *((kind, len(marks)) for kind, marks in landmarks.items() if marks),
         ("interactions", [[i.src, i.relation, i.dst] for i in scene.interactions]),
         ("robot", _measured(scene, "robot", f"{scene.robot.kinematics}, radius {scene.robot.radius:g} m")),
         ("goal", _measured(scene, "goal", goal)),
         ("frames", f"{len(record)}, one each {scene.rules.dt} s"),
         ("outcome", f"{record.outcome.status}: {record.outcome.reason}"),
         ("contacts", totals.contacts),
-        *_limit_rows(totals.excess),
+        *([("commands beyond limits", totals.excess)] if totals.excess else []),
         ("labels", document["labels"] or "the command itself"),
         ("not placed", list(scene.dropped)),
     ]
@@ -209,7 +200,7 @@ def _agreement_rows(agreement: Agreement) -> Rows:
     rows += [(f"within {within.rater}", _consistency_text(within)) for within in agreement.within]
     disputed = [
         f"{run.file} ({', '.join(f'{rater}: {label}' for rater, label in run.labels.items())})"
-        for run in agreement.disputed[:MAX_DISPUTED]
+        for run in agreement.disputed[:_MAX_DISPUTED]
     ]
     return [*rows, ("most disputed", disputed)] if disputed else rows
 

@@ -27,13 +27,13 @@ from .command import Command
 from .options import examples, json_option
 from .output import show_json, wants_json
 
-PACKAGES = (
+_PACKAGES = (
     "pymunk", "numpy", "pydantic", "pygame-ce", "pygame-gui", "orjson", "lazy-loader", "click", "tqdm", "PyYAML",
     "jinja2", "zstandard", "platformdirs", "filelock",
 )  # fmt: skip
-COMPILER = ("numba", "llvmlite")  # the interpreter runs the simulation without them
-MODULES = {"pygame-ce": "pygame", "PyYAML": "yaml"}  # where the module is not named as the package
-EXTRAS = {  # name of the extra, what it adds, its modules
+_COMPILER = ("numba", "llvmlite")  # the interpreter runs the simulation without them
+_MODULES = {"pygame-ce": "pygame", "PyYAML": "yaml"}  # where the module is not named as the package
+_EXTRAS = {  # name of the extra, what it adds, its modules
     "films": ("video", "gif and mp4", "imageio_ffmpeg", "PIL"),
     "plots": ("plots", "the picture of evaluate", "matplotlib"),
     "studies": ("serve", "studies in a browser", "starlette", "uvicorn", "websockets"),
@@ -68,13 +68,13 @@ def findings() -> dict[str, Finding]:
     has_display = sys.platform in ("win32", "darwin") or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
     return {
         "python": (True, f"{platform.python_version()} on {platform.platform()}"),
-        **{package: _package(package) for package in PACKAGES},
-        **{package: _package(package, is_required=False) for package in COMPILER},
+        **{package: _package(package) for package in _PACKAGES},
+        **{package: _package(package, is_required=False) for package in _COMPILER},
         "kernels": _run(_kernels),
         **_plugins(),
         "trial episode": _run(_trial_episode),
         "writing": _run(_writing),
-        **{kind: _extra(*extra) for kind, extra in EXTRAS.items()},
+        **{kind: _extra(*extra) for kind, extra in _EXTRAS.items()},
         "display": (True, "available") if has_display else (None, "not available; all commands without a window work"),
     }
 
@@ -87,7 +87,7 @@ def _package(name: str, *, is_required: bool = True) -> Finding:
         return (False if is_required else None), f"missing; pip install {name}"
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     try:
-        importlib.import_module(MODULES.get(name, name.replace("-", "_")))
+        importlib.import_module(_MODULES.get(name, name.replace("-", "_")))
     except Exception as error:  # a missing library of the system, a version of NumPy that is too new, ...
         return False, f"{installed} cannot be imported ({_reason(error)}); pip install -U {name}"
     return True, installed

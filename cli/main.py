@@ -23,7 +23,7 @@ from .options import examples
 from .start import ended_by_ctrl_c
 
 # section of the overview: name of the command: (module, description)
-SECTIONS = {
+_SECTIONS = {
     "Create data": {
         "run": ("run", "Run one episode, and draw it."),
         "generate": ("generate", "Generate a data set of labelled episodes."),
@@ -52,8 +52,8 @@ SECTIONS = {
         "doctor": ("doctor", "Check that the installation works."),
     },
 }
-WIDTH = max(len(name) for section in SECTIONS.values() for name in section)
-COMMANDS = {name: module for section in SECTIONS.values() for name, (module, _) in section.items()}
+WIDTH = max(len(name) for section in _SECTIONS.values() for name in section)
+COMMANDS = {name: module for section in _SECTIONS.values() for name, (module, _) in section.items()}
 
 
 class Commands(Group):
@@ -79,7 +79,7 @@ class Commands(Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        for title, commands in SECTIONS.items():
+        for title, commands in _SECTIONS.items():
             with formatter.section(title):
                 formatter.write_dl([(f"{name:<{WIDTH}}", description) for name, (_, description) in commands.items()])
 

@@ -16,7 +16,6 @@ from ..core.geometry import Twist
 from ..core.labels import LABEL_DEVICE, LabelSpec
 from ..core.navigation import FreeSpace
 from ..core.scene import Scene
-from ..core.snapshot import Outcome, Snapshot
 from ..errors import RecordError, SceneError, Sonata2dError
 from ..record.reader import read_episode
 from ..record.recorder import EpisodeRecorder
@@ -81,15 +80,6 @@ class Session:
     """
 
     state: State
-    scene: Scene
-    before: Snapshot
-    after: Snapshot
-    outcome: Outcome | None
-    dropped_ticks: int
-    _run_config: ScenarioConfig
-    _controller: Teleoperation
-    _episode: Episode
-    _recorder: EpisodeRecorder
     _first_events: tuple[DeviceEvent, ...]  # precede the device events of the next tick
 
     def __init__(

@@ -131,7 +131,6 @@ class CollectScreen(Screen):
         self._notice, self._notice_left, self._has_answer = "", 0.0, False
         self.overlay = Overlay(session, runs, devices.profiles, self._hidden)
         self._following: Screen | None = self
-        self._stage: Stage
         self._begin_scene()
         if session.recovered is not None or session.notice:
             self._notice, self._notice_left = session.notice or _recovered_notice(session), 3 * _NOTICE_SECONDS

@@ -33,8 +33,8 @@ from ...registry import CONTROLLERS, resolve
 from .base import Controller, recorded_path
 from .labelled import Labelled
 
-WEIGHTS_SUFFIX = ".npz"
-POLICY_SUFFIXES = (WEIGHTS_SUFFIX, ".onnx")
+_WEIGHTS_SUFFIX = ".npz"
+_POLICY_SUFFIXES = (_WEIGHTS_SUFFIX, ".onnx")
 _GYM_POLICY = "sonata2d.gym.policy:PolicyController"
 
 
@@ -66,7 +66,7 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
             f"{name} does not say what the policy observes; if it is a model of Stable-Baselines3, write it with "
             "sonata2d.gym.save_policy as .npz or .onnx"
         )
-    if name.endswith(POLICY_SUFFIXES):
+    if name.endswith(_POLICY_SUFFIXES):
         policy: Any = _policy_class(Path(name))
         learned: Controller = policy(name) if settings is None else policy.from_settings(settings, weights=name)
         return learned
@@ -87,7 +87,7 @@ def _created(controller_class: type[Controller], name: str, settings: Mapping[st
 
 def _policy_class(path: Path) -> Any:
     """The class of controllers that drive with the policy of a file."""
-    if path.suffix == WEIGHTS_SUFFIX and not _is_perceptron(path):
+    if path.suffix == _WEIGHTS_SUFFIX and not _is_perceptron(path):
         return CONTROLLERS.load("graph-policy")
     try:
         return resolve(_GYM_POLICY)

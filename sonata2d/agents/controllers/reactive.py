@@ -19,8 +19,8 @@ from ..pedestrians.models.base import Walkers, checked_acceleration, evaluations
 from ..pedestrians.neighbours import FADING_DISTANCE, INTERACTION_RANGE
 from .base import Controller
 
-REPLANNING_INTERVAL = 5  # ticks
-FAR = 1e4  # m, coordinates of humans that are absent
+_REPLANNING_INTERVAL = 5  # ticks
+_FAR = 1e4  # m, coordinates of humans that are absent
 
 
 class StraightToGoal(Controller):
@@ -78,11 +78,11 @@ class SocialForce(Controller):
         self._model = pedestrian_model(self.model)(scene)
         count = len(scene.humans)
         self._walkers = _robot_among(count, scene.robot.radius, self.speed)
-        self._far = np.stack((FAR + np.arange(count + 1.0), np.full(count + 1, FAR)), axis=1)  # m, of absent humans
+        self._far = np.stack((_FAR + np.arange(count + 1.0), np.full(count + 1, _FAR)), axis=1)  # m, of absent humans
 
     def act(self, snapshot: Snapshot) -> Twist:
         robot, goal = snapshot.robot, snapshot.goal
-        if snapshot.tick % REPLANNING_INTERVAL == 0:
+        if snapshot.tick % _REPLANNING_INTERVAL == 0:
             path = self._route.path(robot.position)
             self._waypoint = goal.position if path is None or len(path) < 2 else (float(path[1][0]), float(path[1][1]))
         dx, dy = self._waypoint[0] - robot.position[0], self._waypoint[1] - robot.position[1]

@@ -57,8 +57,8 @@ from .social.dynamics import SocialDynamics
 from .social.state import SocialArrays, SocialState
 from .wayfinding import Wayfinding
 
-MAXIMUM_SPEED_RATIO = 1.3  # maximum speed over desired speed (Helbing & Molnár 1995)
-STANDING_SPEED, STANDING_TIME = 0.05, 1.0  # m/s and s: a robot that is slower for so long counts as an obstacle
+_MAXIMUM_SPEED_RATIO = 1.3  # maximum speed over desired speed (Helbing & Molnár 1995)
+_STANDING_SPEED, _STANDING_TIME = 0.05, 1.0  # m/s and s: a robot that is slower for so long counts as an obstacle
 
 # Steps of `decide`, and its answers: the decision that it needs, or that it is complete.
 _FOLLOW, _TARGET, _TURN = range(3)
@@ -208,9 +208,9 @@ class Crowd:
 
     def _watch_robot(self, robot: Array) -> None:
         """Let paths lead round a robot that stands, as round a piece of furniture, whether it is ignored or not."""
-        is_moving = robot[VX] * robot[VX] + robot[VY] * robot[VY] > STANDING_SPEED * STANDING_SPEED
+        is_moving = robot[VX] * robot[VX] + robot[VY] * robot[VY] > _STANDING_SPEED * _STANDING_SPEED
         self._robot_rests = 0 if is_moving else self._robot_rests + 1
-        is_obstacle = self._robot_rests * self._dt >= STANDING_TIME
+        is_obstacle = self._robot_rests * self._dt >= _STANDING_TIME
         if is_obstacle != self._robot_is_obstacle:
             self._robot_is_obstacle = is_obstacle
             place = (float(robot[X]), float(robot[Y]))
@@ -474,7 +474,7 @@ def total_acceleration(packed_state: Any, walking: Array, robot_x: float, robot_
         # The speed after the interval is limited.
         vx_after, vy_after = vx + ax * interval, vy + ay * interval
         speed, maximum = math.sqrt(vx_after * vx_after + vy_after * vy_after), 0.0
-        maximum = MAXIMUM_SPEED_RATIO * intentions.preferred_speed[k]
+        maximum = _MAXIMUM_SPEED_RATIO * intentions.preferred_speed[k]
         scale = maximum / max(speed, 1e-6) if speed > maximum else 1.0
         intentions.acceleration[k, 0] = (vx_after * scale - vx) / interval
         intentions.acceleration[k, 1] = (vy_after * scale - vy) / interval

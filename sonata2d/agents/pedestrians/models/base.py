@@ -142,9 +142,10 @@ class KernelModel:
         return self._walkers.argument
 
     def _output(self, walkers: Walkers) -> Array:
-        """The array (M, 2) for the accelerations, the same one while M is the same."""
+        """The array (M, 2) for the accelerations, of zeros; the same one while M is the same."""
         if len(self._result) != len(walkers.position):
             self._result = np.zeros((len(walkers.position), 2))
+        self._result.fill(0.0)
         return self._result
 
 
@@ -206,9 +207,9 @@ def desired_acceleration(walkers: Walkers, i: int, direction: Vector, relaxation
     return (direction[0] * speed - walkers.velocity[i, 0]) / tau, (direction[1] * speed - walkers.velocity[i, 1]) / tau
 
 
-STANDING_RATE = 2.0  # 1/s; most of the way back takes about 2 / STANDING_RATE seconds
+_STANDING_RATE = 2.0  # 1/s; most of the way back takes about 2 / _STANDING_RATE seconds
 STEP_SPEED = 0.25  # m/s, of steps sideways and backwards
-STANDING_LIMIT = 1.5  # m/s^2, so that a pedestrian that stops to stand brakes as walkers do
+_STANDING_LIMIT = 1.5  # m/s^2, so that a pedestrian that stops to stand brakes as walkers do
 
 
 @subroutine
@@ -228,18 +229,18 @@ def standing_acceleration(
     Returns:
         m/s^2.
     """
-    stiffness, damping = STANDING_RATE * STANDING_RATE, 2.0 * STANDING_RATE
+    stiffness, damping = _STANDING_RATE * _STANDING_RATE, 2.0 * _STANDING_RATE
     dx, dy = standing_x - x, standing_y - y
     distance = max(length(dx, dy), 1e-6)
     ahead = max((dx * body_x + dy * body_y) / distance, 0.0)
-    reach = STEP_SPEED * (1.0 + ahead) * 2.0 / STANDING_RATE  # m, from which the spring moves a body at this speed
+    reach = STEP_SPEED * (1.0 + ahead) * 2.0 / _STANDING_RATE  # m, from which the spring moves a body at this speed
     scale = min(1.0, reach / distance)
     ax, ay = dx * scale * stiffness - vx * damping, dy * scale * stiffness - vy * damping
-    scale = min(1.0, STANDING_LIMIT / max(length(ax, ay), 1e-6))
+    scale = min(1.0, _STANDING_LIMIT / max(length(ax, ay), 1e-6))
     return ax * scale, ay * scale
 
 
-SIDE_BIAS = 0.003  # sideways component of a biased direction: 3 mm per metre
+_SIDE_BIAS = 0.003  # sideways component of a biased direction: 3 mm per metre
 
 
 @subroutine
@@ -258,7 +259,7 @@ def biased_direction(x: float, y: float, side: float) -> Vector:
 
     Source: ours.
     """
-    return x + side * SIDE_BIAS * y, y - side * SIDE_BIAS * x
+    return x + side * _SIDE_BIAS * y, y - side * _SIDE_BIAS * x
 
 
 @subroutine

@@ -91,11 +91,10 @@ def headed_group_acceleration(walkers: Walkers, i: int, body_direction: Vector, 
 def _accelerations(
     packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, dt: float, acceleration: Array
 ) -> None:
-    """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
+    """Accelerations of the agents that walk, into `acceleration` (M, 2) of zeros, m/s^2."""
     walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Farina2017)
     contact = parameters.contact
     for i in range(len(acceleration)):
-        acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
         if not walkers.walks[i]:
             continue
         agents = contact_acceleration(walkers, i, contact)

@@ -62,7 +62,7 @@ def group_acceleration(walkers: Walkers, i: int, parameters: Moussaid2010) -> Ve
     return (brake * walkers.velocity[i, 0] + pull * ux + push_x, brake * walkers.velocity[i, 1] + pull * uy + push_y)
 
 
-MEASURED_RADIUS = 0.20  # m, of the people that the model was fitted to
+_MEASURED_RADIUS = 0.20  # m, of the people that the model was fitted to
 
 
 class Moussaid2009(NamedTuple):
@@ -129,18 +129,17 @@ def interaction_acceleration(
 @subroutine
 def excess_radius_of(radius: float, other_radius: float) -> float:
     """Excess of the radii of a pair over the radii of the people that the model was fitted to, m."""
-    return max(radius + other_radius - 2.0 * MEASURED_RADIUS, 0.0)
+    return max(radius + other_radius - 2.0 * _MEASURED_RADIUS, 0.0)
 
 
 @kernel
 def _accelerations(
     packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, dt: float, acceleration: Array
 ) -> None:
-    """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
+    """Accelerations of the agents that walk, into `acceleration` (M, 2) of zeros, m/s^2."""
     walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Moussaid2009)
     p, position, velocity = parameters, walkers.position, walkers.velocity
     for i in range(len(position)):
-        acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
         if not walkers.walks[i]:
             continue
         total_x, total_y = 0.0, 0.0

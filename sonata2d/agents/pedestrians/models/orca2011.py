@@ -294,7 +294,6 @@ def _accelerations(
     for i in range(count):
         evades[i] = _is_walking(walkers, i)
     for i in range(count):
-        acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
         if not walkers.walks[i]:
             continue
         x, y = 0.0, 0.0

@@ -23,15 +23,15 @@ from .sitting import RISING, Seats
 from .state import SocialState
 from .tasks import Kind, Task
 
-PLACE_TOLERANCE = 0.25  # m, from the position of a task
-APPROACH_TIME = 25.0  # s, after which a task whose position was not reached is given up
-MEETING_DISTANCE, SEPARATION = 2.2, 3.5  # m: within the first, a pair may stop to talk; again after the second
-POSITION_SPACING = 0.7  # m, between the positions of two tasks
-MEMBER_SPACING, MEMBER_DISTANCE = 0.6, 1.2  # m, in a group that pauses: least between members, most from the leader
-LONG_STAY = 10.0  # s, from which on paths lead round a pedestrian that pauses
-FOREVER = 1e6  # s
-SERVED_TIME = 120.0  # s, for which a pedestrian that was served does not queue again
-LEFT_ALONE_TIME = 2.0  # s, that a pedestrian stays when its partners have left
+_PLACE_TOLERANCE = 0.25  # m, from the position of a task
+_APPROACH_TIME = 25.0  # s, after which a task whose position was not reached is given up
+_MEETING_DISTANCE, _SEPARATION = 2.2, 3.5  # m: within the first, a pair may stop to talk; again after the second
+_POSITION_SPACING = 0.7  # m, between the positions of two tasks
+_MEMBER_SPACING, _MEMBER_DISTANCE = 0.6, 1.2  # m, in a group that pauses: least between members, most from the leader
+_LONG_STAY = 10.0  # s, from which on paths lead round a pedestrian that pauses
+_FOREVER = 1e6  # s
+_SERVED_TIME = 120.0  # s, for which a pedestrian that was served does not queue again
+_LEFT_ALONE_TIME = 2.0  # s, that a pedestrian stays when its partners have left
 
 
 class SocialDynamics:
@@ -66,7 +66,7 @@ class SocialDynamics:
         self._last: dict[int, Kind] = {}  # kind of the last task
         self._may_queue_from: dict[int, int] = {}  # tick, of those who were served
         self._has_walked = set(range(len(humans)))  # no task since the last walk: may take one on the next arrival
-        self._have_met: set[int] | None = None  # pairs i < j as i N + j, since they were last SEPARATION apart
+        self._have_met: set[int] | None = None  # pairs i < j as i N + j, since they were last _SEPARATION apart
         self._tick, self._position = 0, social.standing_position
         self._feet = np.zeros((len(humans), 2))  # unit vectors of the directions in which feet point
         self._things = [(thing, furniture_type(thing.type)) for thing in scene.furniture]
@@ -97,7 +97,7 @@ class SocialDynamics:
                 served = line.advance(tick, position)
                 self._is_changed = self._is_changed or line.has_moved
                 if served is not None:
-                    self._may_queue_from[served] = tick + int(SERVED_TIME / self._dt)
+                    self._may_queue_from[served] = tick + int(_SERVED_TIME / self._dt)
                     self._leave(served)
         if self._settings.meets > 0.0:
             self._start_meetings(walkers)
@@ -162,14 +162,14 @@ class SocialDynamics:
         partner_left = task.partner is not None and self._social.is_walking[task.partner]
         if partner_left or self._tick >= task.until or not self._follow_tail(k, task):
             self._leave(k)
-        elif distance(as_point(self._position[k]), task.position) < PLACE_TOLERANCE:
+        elif distance(as_point(self._position[k]), task.position) < _PLACE_TOLERANCE:
             self._arrive(k, task)
 
     def _follow_tail(self, k: int, task: Task) -> bool:
         """Send pedestrian k to the end of its queue if that has moved; False if it cannot join any more."""
         if task.line is None:
             return True
-        if task.line.is_full:
+        if task.line.tail >= task.line.queue.capacity:
             return False
         place, facing_point = task.line.slot(task.line.tail)
         if place == task.position:
@@ -191,7 +191,7 @@ class SocialDynamics:
         self._wayfinding.start_wandering(k, as_point(self._position[k]))
         for partner in partners if task.kind == "talk" else ():
             if partner in self._tasks and not self._social.partners[partner]:
-                end = self._tick + int(LEFT_ALONE_TIME / self._dt)
+                end = self._tick + int(_LEFT_ALONE_TIME / self._dt)
                 self._tasks[partner].until = min(self._tasks[partner].until, end)
 
     def _arrive(self, k: int, task: Task) -> None:
@@ -223,7 +223,7 @@ class SocialDynamics:
 
     def _start_stay(self, k: int, place: Point, duration: float) -> None:
         """Pedestrian k, which has arrived at a place, m, stands there for a time, s, and its followers beside it."""
-        until = self._tick + int(min(duration, FOREVER) / self._dt)
+        until = self._tick + int(min(duration, _FOREVER) / self._dt)
         self._stand(k, place, until)
         followers = [other for other in self._wayfinding.followers(k) if not self._social.is_absent(other)]
         taken = [place]
@@ -232,7 +232,7 @@ class SocialDynamics:
             taken.append(spot)
             position = as_point(self._position[follower])
             rest = self._wayfinding.resting_place(follower, position)
-            is_there = distance(rest, spot) < PLACE_TOLERANCE and distance(rest, place) < MEMBER_DISTANCE
+            is_there = distance(rest, spot) < _PLACE_TOLERANCE and distance(rest, place) < _MEMBER_DISTANCE
             if is_there or not self._wayfinding.send_to(follower, position, spot):
                 self._stand(follower, rest, until)
             else:
@@ -252,7 +252,7 @@ class SocialDynamics:
             and (goal[0] - x) * dx + (goal[1] - y) * dy > -0.5 * distance(place, goal)
         ):
             facing_point = goal
-        is_brief = (until - self._tick) * self._dt < LONG_STAY
+        is_brief = (until - self._tick) * self._dt < _LONG_STAY
         self._wayfinding.stop(k)
         self._social.start_standing(k, place, facing_point, is_brief=is_brief)
         self._tasks[k] = Task("stay", place, facing_point, until=until, has_arrived=True)
@@ -263,11 +263,12 @@ class SocialDynamics:
         position, (lx, ly) = as_point(self._position[k]), as_point(self._position[leader])
         dx, dy = position[0] - lx, position[1] - ly
         gap = max(length(dx, dy), 1e-6)
-        scale = min(max(gap, POSITION_SPACING), MEMBER_DISTANCE) / gap
+        scale = min(max(gap, _POSITION_SPACING), _MEMBER_DISTANCE) / gap
         side = self._scene.rules.side  # so that a mirrored scene gives the mirrored place
         for x, y in ((dx, dy), (dy * side, -dx * side), (-dy * side, dx * side), (-dx, -dy)):
             spot = place[0] + x * scale, place[1] + y * scale
-            if all(distance(spot, other) > MEMBER_SPACING for other in taken) and self._wayfinding.is_open(place, spot):
+            has_room = all(distance(spot, other) > _MEMBER_SPACING for other in taken)
+            if has_room and self._wayfinding.is_open(place, spot):
                 return spot
         return position
 
@@ -330,7 +331,7 @@ class SocialDynamics:
         if not tasks:  # without a draw: the pedestrian wanders on
             return False
         task = self._rng[k].choice(tasks)
-        task.until = self._tick + int(APPROACH_TIME / self._dt)
+        task.until = self._tick + int(_APPROACH_TIME / self._dt)
         if not self._wayfinding.send_to(k, position, task.position):
             return False
         self._tasks[k] = task
@@ -420,7 +421,7 @@ class SocialDynamics:
         if kind == "queue":
             return True
         on_the_way = [task for task in self._tasks.values() if not task.has_arrived]
-        return all(distance(position, task.position) > POSITION_SPACING for task in on_the_way)
+        return all(distance(position, task.position) > _POSITION_SPACING for task in on_the_way)
 
     def _start_meetings(self, walkers: Walkers) -> None:
         """Let pairs of wandering pedestrians that come near each other stop and talk."""
@@ -435,7 +436,7 @@ class SocialDynamics:
         x, y = (walkers.position[second, axis] - walkers.position[first, axis] for axis in (0, 1))
         square, pair = x * x + y * y, first * count + second
         near, meeting = (
-            pair[(first < second) & (square < limit * limit)].tolist() for limit in (SEPARATION, MEETING_DISTANCE)
+            pair[(first < second) & (square < limit * limit)].tolist() for limit in (_SEPARATION, _MEETING_DISTANCE)
         )
         # A pair is asked once per encounter; pairs that are near at the start have met already.
         have_met = set(near) if self._have_met is None else self._have_met.intersection(near)

@@ -12,9 +12,9 @@ from .f_formations import distance
 from .state import Posture, SocialState
 from .tasks import Task
 
-TURN_TIME = 1.6  # s, in which a pedestrian turns its back to the seat
-STANDS_AGAIN = 0.12  # m, from the place beside the seat
-MARGIN = 0.05  # m, by which that place is farther from the seat than paths are
+_TURN_TIME = 1.6  # s, in which a pedestrian turns its back to the seat
+_STANDS_AGAIN = 0.12  # m, from the place beside the seat
+_MARGIN = 0.05  # m, by which that place is farther from the seat than paths are
 
 TURNING, SITTING, RISING = range(3)  # values of `Task.phase` after arrival at the seat
 
@@ -36,7 +36,7 @@ class Seats:
     """
 
     def __init__(self, scene: Scene, social: SocialState, wayfinding: Wayfinding, dt: float) -> None:
-        self._social, self._wayfinding, self._turn_ticks = social, wayfinding, int(TURN_TIME / dt)
+        self._social, self._wayfinding, self._turn_ticks = social, wayfinding, int(_TURN_TIME / dt)
         self._side = scene.rules.side
         self._seats = {piece.id: (k, piece) for k, piece in enumerate(scene.furniture) if piece.is_seat}
         self._sitting: dict[int, int] = {}  # index in the scene's furniture of each pedestrian's seat
@@ -86,7 +86,7 @@ class Seats:
 
     def is_over(self, task: Task, position: Point) -> bool:
         """Whether a pedestrian stands beside its seat again."""
-        return task.phase == RISING and distance(position, task.position) < STANDS_AGAIN
+        return task.phase == RISING and distance(position, task.position) < _STANDS_AGAIN
 
     def release(self, k: int) -> None:
         """Pedestrian k does not sit any more."""
@@ -111,7 +111,7 @@ class Seats:
 
     @property
     def _clearance(self) -> float:
-        return self._wayfinding.space.clearance + MARGIN
+        return self._wayfinding.space.clearance + _MARGIN
 
     def _place_beside(self, seat: Furniture) -> Point | None:
         """The first free place of those in front of a seat, at one side and at the other, m; None if none is free."""
