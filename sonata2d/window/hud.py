@@ -186,13 +186,7 @@ def free_area(surface: pygame.Surface, hud: Hud, *, scale: float) -> pygame.Rect
 
 
 def draw_hud(
-    surface: pygame.Surface,
-    hud: Hud,
-    snapshot: Snapshot,
-    camera: Camera,
-    *,
-    scale: float = 1.0,
-    origin: tuple[int, int] = (0, 0),
+    surface: pygame.Surface, hud: Hud, snapshot: Snapshot, camera: Camera, *, scale: float, origin: Point = (0, 0)
 ) -> None:
     """Draw all readings over a finished picture.
 

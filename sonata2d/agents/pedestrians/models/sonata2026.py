@@ -606,4 +606,5 @@ class Sonata2026Model(KernelModel):
         streams = AgentStreams(*self._seeds, "deviations", [*ids, *others])
         added = np.array([streams[k].integer(0, _MASK) for k in range(len(known.generator), count)], dtype=np.int64)
         new = zeros(Memory, len(added), generator=added, looseness=np.full(len(added), math.nan))
-        self._memory = Packed(Memory(*map(np.concatenate, zip(known, new, strict=True))))
+        extended: Any = map(np.concatenate, zip(known, new, strict=True))
+        self._memory = Packed(Memory(*extended))

@@ -11,7 +11,7 @@ from ....core.compiled.packing import Bools, Floats2, Ints, Ints2
 from ....core.entities import Interaction
 from ....core.geometry import Barriers, Disc, Point, Pose
 from ....core.humans import activity_indices, frozen
-from ....core.portable_math import BoolArray, angle_of
+from ....core.portable_math import BoolArray, IntArray, angle_of
 from ....core.relations import ACTIVITIES, TALKING, WALKING_TOGETHER
 from ....core.scene import Scene, closed_outlines
 from ....core.vectors import lengths
@@ -84,6 +84,7 @@ class SocialState:
         self._absent: frozenset[int] = frozenset()
         self.interactions = scene.interactions
         self.partners: list[list[int]] = []
+        self.activity: IntArray
         self._update()
 
     def set_presence(self, is_present: BoolArray | None) -> None:
