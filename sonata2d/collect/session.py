@@ -109,7 +109,7 @@ class Session:
         except BaseException:
             self._collection.close()  # so that the caller can try again
             raise
-        self._collection.log(event="begun", at=self._time(), scenario=config.name, seed=seed, recovered=self.recovered)
+        self._log("begun", scenario=config.name, seed=seed, recovered=self.recovered)
 
     @property
     def contributor(self) -> str:
@@ -295,7 +295,7 @@ class Session:
         except RecordError:
             self._begin(*waiting)
             raise
-        self._collection.log(event="undone", at=self._time(), file=name)
+        self._log("undone", file=name)
         self.undone_label = record.label
         return path
 
@@ -304,7 +304,7 @@ class Session:
         self._journal.shut()
         if not self.ticks:
             self._journal.delete()
-        self._collection.log(event="closed", at=self._time(), open_ticks=self.ticks, dropped_ticks=self.dropped_ticks)
+        self._log("closed", open_ticks=self.ticks, dropped_ticks=self.dropped_ticks)
         self._collection.close()
 
     def _following(self) -> int | None:
@@ -418,14 +418,9 @@ class Session:
     def _put_away(self, event: str, path: Path, **facts: Any) -> None:
         """Delete the journal of a stored run and log the event."""
         self._journal.delete()
-        self._collection.log(
-            event=event,
-            at=self._time(),
-            file=path.name,
-            seconds=round(self.after.time, 4),
-            dropped_ticks=self.dropped_ticks,
-            **facts,
-        )
+        seconds = round(self.after.time, 4)
+        self._log(event, file=path.name, seconds=seconds, dropped_ticks=self.dropped_ticks, **facts)
 
-    def _time(self) -> str:
-        return f"{self._now():%Y-%m-%dT%H:%M:%SZ}"
+    def _log(self, event: str, **facts: Any) -> None:
+        """Append an event of this moment to the log of the folder."""
+        self._collection.log(event=event, at=f"{self._now():%Y-%m-%dT%H:%M:%SZ}", **facts)
