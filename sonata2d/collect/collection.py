@@ -115,10 +115,6 @@ class Collection:
         """Write a run that ended to the folder of discarded runs; otherwise as `keep`."""
         return self._write(self.folder / DISCARDED, recorder, when, announce)
 
-    def has_kept(self, name: str) -> bool:
-        """Whether a kept run has this file name."""
-        return bool(name) and (self.folder / name).exists()
-
     def contains(self, name: str) -> bool:
         """Whether a kept or discarded run has this file name."""
         return any((place / name).exists() for place in (self.folder, self.folder / DISCARDED))

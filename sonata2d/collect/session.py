@@ -366,7 +366,7 @@ class Session:
             # A crash after the episode file was written and before the journal was deleted leaves a completed run.
             if run is None or any(self._collection.contains(name) for name in run.file_names):
                 return False
-            if self._collection.has_kept(run.header.get(UNDONE, "")):
+            if (undone := run.header.get(UNDONE)) and (self._collection.folder / undone).exists():
                 return False  # a crash came before the run was taken back
             if run.header["physics"] != PHYSICS_VERSION:
                 raise RecordError(f"it is of physics version {run.header['physics']}, this is {PHYSICS_VERSION}")

@@ -71,16 +71,16 @@ class Sizes:
         drawn = (config.humans,) if config.humans is not None else (config.standing, config.wandering)
         pairs = config.talking_pairs.max + config.walking_pairs.max
         attending = config.at_laptop.max + config.at_plant.max + config.at_object.max
-        humans = sum(count.max for count in drawn if count is not None) + 2 * pairs + _members(config)
+        humans = sum(count.max for count in drawn if count is not None) + 2 * pairs
+        talking, walking = config.groups.talking_size.max, config.groups.walking_size.max
+        groups = ((config.talking_groups.max, talking), (config.walking_groups.max, walking))
+        humans += sum(count * size for count, size in groups)
         humans += attending + config.seated.max + len(config.people) + sum(queue.waiting.max for queue in config.queues)
         humans += _VISITORS if any(door.inflow > 0.0 for door in config.doors) else 0
         laptops = config.tables.max if config.laptops_on_tables else 0
         objects = sum(count.max for count in config.counts.values()) + laptops
         objects += 2 * attending + len(config.furniture)  # a laptop comes with a table
-        group = config.groups.talking_size.max
-        together = (
-            config.talking_groups.max * group * group + config.walking_groups.max * config.groups.walking_size.max**2
-        )
+        together = sum(count * size * size for count, size in groups)
         return cls(max(humans, 1), max(objects, 1), _wall_count(config.room), max(2 * humans, together, 1))
 
     def changed(self, numbers: dict[str, int]) -> Sizes:
@@ -102,12 +102,6 @@ def _wall_count(room: RoomConfig) -> int:
     return max(
         len(draw_floor_plan(config, RandomStream(k, 0, "scene")).walls) for config in rooms for k in range(_SAMPLES)
     )
-
-
-def _members(config: ScenarioConfig) -> int:
-    """The largest number of members of all groups of a scenario together."""
-    groups = config.groups
-    return config.talking_groups.max * groups.talking_size.max + config.walking_groups.max * groups.walking_size.max
 
 
 class _Scene(NamedTuple):

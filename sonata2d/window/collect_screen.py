@@ -199,7 +199,8 @@ class CollectScreen(Screen):
         """The latest notice while it is shown, a problem of the journal, or a hint for the present state."""
         if self._notice_left > 0.0:
             return self._notice
-        return self.session.journal_error or ("" if self.overlay.covers else _state_notice(self.session))
+        has_hint = self.session.state in ("paused", "waiting") and not self.overlay.covers
+        return self.session.journal_error or (text(f"notice.{self.session.state}") if has_hint else "")
 
     # Actions
 
@@ -370,11 +371,6 @@ def _recovered_notice(session: Session) -> str:
     if session.scene.name == session.config.name:
         return notice
     return f"{notice} {text('notice.recovered_scenario', old=session.scene.name, new=session.config.name)}"
-
-
-def _state_notice(session: Session) -> str:
-    """Hint to a driver whose session is paused or waiting."""
-    return text(f"notice.{session.state}") if session.state in ("paused", "waiting") else ""
 
 
 def _draw_mouse_joystick(surface: pygame.Surface, joystick: MouseJoystick) -> None:

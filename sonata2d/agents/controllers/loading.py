@@ -13,8 +13,7 @@ import pickle
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -55,9 +54,12 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
     driver_name, labeller_name = _split_pair(name)
     if labeller_name:
         recorded = settings or {}
-        with _noting_pair(name):
+        try:
             driver = load_controller(driver_name, recorded.get("driver"))
             labeller = load_controller(labeller_name, recorded.get("labeller"))
+        except ControllerError as error:
+            error.add_note(f"in {name!r}, which is driver+labeller")
+            raise
         if isinstance(driver, Labelled) or isinstance(labeller, Labelled):
             raise ControllerError(f"{name} names more than two controllers; give one driver and one labeller")
         return Labelled(driver, labeller)
@@ -272,16 +274,6 @@ def _is_file(name: str) -> bool:
     path, _, attribute = name.rpartition(":")
     # os.path.isfile is False for an impossible name, for which Path.is_file raises an exception
     return os.path.isfile(name) or (os.path.isfile(path) and "+" not in attribute)
-
-
-@contextmanager
-def _noting_pair(name: str) -> Iterator[None]:
-    """Add the name of the whole pair to errors about one of its controllers."""
-    try:
-        yield
-    except ControllerError as error:
-        error.add_note(f"in {name!r}, which is driver+labeller")
-        raise
 
 
 def _find_plugin(name: str) -> type[Controller]:
