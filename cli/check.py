@@ -19,7 +19,7 @@ from .workers import WorkerOptions, workers_options
 if TYPE_CHECKING:
     from sonata2d.datasets import Problem
 
-MAX_PROBLEMS = 20  # problems printed without --json
+_MAX_PROBLEMS = 20  # problems printed without --json
 
 
 @click.command(cls=Command, epilog=examples("check demo", "check demo --replay --workers 2", "check demo/000000.json"))
@@ -46,14 +46,13 @@ def command(path: Path, replay: bool, rerun: bool, controller: str | None, worke
             advance=advance,
         )  # fmt: skip
     if wants_json():
-        rows = [{"file": p.file, "place": p.place, "message": p.message, "is_warning": p.is_warning} for p in problems]
-        show_json({"files": len(files), "problems": rows})
+        show_json({"files": len(files), "problems": problems})
     else:
         lines = _grouped(problems)
-        for line in lines[:MAX_PROBLEMS]:
+        for line in lines[:_MAX_PROBLEMS]:
             click.echo(line)
-        if len(lines) > MAX_PROBLEMS:
-            click.echo(f"... and {len(lines) - MAX_PROBLEMS} more; --json prints all")
+        if len(lines) > _MAX_PROBLEMS:
+            click.echo(f"... and {len(lines) - _MAX_PROBLEMS} more; --json prints all")
         refused = len({problem.file for problem in problems if problem.place == "physics"})
         how_many = f"{len(files) - refused} of them " if refused else ""
         done = "".join([f", {how_many}replayed" if replay else "", f", {how_many}rerun" if rerun else ""])

@@ -14,7 +14,7 @@ import click
 
 from sonata2d.registry import did_you_mean
 
-COMMON = "Options of all commands"
+_COMMON = "Options of all commands"
 
 # Colours are left out where the output is not a terminal, and if NO_COLOR is set (https://no-color.org).
 SETTINGS: dict[str, Any] = {
@@ -108,7 +108,7 @@ class Command(click.Command):
         """Write the options of the command, then the options of all commands."""
         params = self.get_params(ctx)
         first = params.index(_COMMON_OPTIONS[0])
-        for title, group in (("Options", params[:first]), (COMMON, params[first:])):
+        for title, group in (("Options", params[:first]), (_COMMON, params[first:])):
             rows = [row for param in group if isinstance(param, click.Option) and (row := param.get_help_record(ctx))]
             if rows:
                 with formatter.section(title):

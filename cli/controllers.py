@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from .command import Group
+from .command import Command
 from .options import examples, json_option
 from .output import show_json, show_table, wants_json
 
@@ -14,10 +14,10 @@ controller_option = click.option(
 )
 
 
-@click.group(cls=Group, invoke_without_command=True)
-@click.pass_context
-def command(context: click.Context) -> None:
-    """List the available controllers.
+@click.command(cls=Command, epilog=examples("controllers", "controllers --json"))
+@json_option
+def command() -> None:
+    """List the built-in controllers and the controllers of installed plug-ins.
 
     Commands take a controller as one of:
 
@@ -29,14 +29,6 @@ def command(context: click.Context) -> None:
       driver+labeller        the first drives the robot; the label of each
                              frame is the twist that the second would command
     """
-    if context.invoked_subcommand is None:
-        context.invoke(list_controllers)
-
-
-@command.command("list", epilog=examples("controllers list", "controllers list --json"))
-@json_option
-def list_controllers() -> None:
-    """List the built-in controllers and the controllers of installed plug-ins."""
     from sonata2d.agents.controllers.loading import named_controllers
 
     rows = [

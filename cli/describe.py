@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,11 +15,10 @@ from .output import show_json, show_table, wants_json
 if TYPE_CHECKING:
     from sonata2d.collect.agreement import Agreement, RaterConsistency
     from sonata2d.core.scene import Scene, Unmeasured
-    from sonata2d.datasets.summaries import ExcessiveCommands
 
 Rows = list[tuple[str, object]]
 
-MAX_DISPUTED = 5  # disputed runs printed without --json
+_MAX_DISPUTED = 5  # disputed runs printed without --json
 
 
 @click.command(cls=Command, epilog=examples("describe demo", "describe demo/000000.json", "describe demo --json"))
@@ -44,7 +42,7 @@ def command(path: Path) -> None:
         rows = _episode_rows(path)
     if wants_json():
         values = {name.replace(" ", "_"): value for name, value in rows}
-        show_json(values | {"ratings": [_agreement_json(agreement) for agreement in ratings]} if ratings else values)
+        show_json(values | {"ratings": ratings} if ratings else values)
     else:
         rows += [row for agreement in ratings for row in _agreement_rows(agreement)]
         show_table(line for name, value in rows for line in _lines(name, value))
@@ -77,7 +75,7 @@ def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
         ("bytes", totals.bytes),
         ("outcomes", counts["outcome"]),
         ("contacts", totals.contacts),
-        *_limit_rows(totals.excess),
+        *([("commands beyond limits", totals.excess)] if totals.excess else []),
         ("families", counts["family"]),
         ("physics version", manifest["physics"]),
         ("sonata2d", manifest["software"]["sonata2d"]),
@@ -91,11 +89,6 @@ def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
     if manifest["split"]:
         rows.append(("split", {part: len(names) for part, names in manifest["split"].items()}))
     return rows + (_answer_rows(folder, files) + _delay_rows(folder, files) if manifest["collected"] else [])
-
-
-def _limit_rows(excess: list[ExcessiveCommands]) -> Rows:
-    """Commands beyond the limits of the robot's drive; no row without such commands."""
-    return [("commands beyond limits", excess)] if excess else []
 
 
 def _source_text(source: dict[str, Any]) -> str:
@@ -145,10 +138,6 @@ def _measured(scene: Scene, name: Unmeasured, text: str) -> str:
     return "not in the source" if name in scene.unmeasured else text
 
 
-def _landmarks(scene: Scene) -> list[tuple[str, tuple[object, ...]]]:
-    return [("doors", scene.doors), ("queues", scene.queues), ("places of interest", scene.places)]
-
-
 def _episode_rows(path: Path) -> Rows:
     """Contents of an episode file."""
     from sonata2d.datasets.summaries import totals_of
@@ -160,6 +149,8 @@ def _episode_rows(path: Path) -> Rows:
     walking = sum(human.walks_at_start and human.enters == 0 for human in scene.humans)
     recorded = sum(human.behaviour == "recorded" for human in scene.humans)
     sometimes_absent = int((~record.states.present).any(axis=0).sum())
+    landmarks = {"doors": scene.doors, "queues": scene.queues, "places of interest": scene.places}
+    goal = f"({scene.goal.x:.6g}, {scene.goal.y:.6g}), reached within {scene.goal.distance:g} m"
     rows: Rows = [
         ("episode", record.id),
         ("scenario", scene.family),
@@ -173,19 +164,14 @@ def _episode_rows(path: Path) -> Rows:
         ("ignore the robot", sum(human.reacts_to_robot == 0.0 for human in scene.humans)),
         ("towards the robot", dict(sorted(Counter(human.reaction for human in scene.humans).items()))),
         ("objects", [thing.type for thing in scene.furniture]),
-        *((kind, len(marks)) for kind, marks in _landmarks(scene) if marks),
+        *((kind, len(marks)) for kind, marks in landmarks.items() if marks),
         ("interactions", [[i.src, i.relation, i.dst] for i in scene.interactions]),
         ("robot", _measured(scene, "robot", f"{scene.robot.kinematics}, radius {scene.robot.radius:g} m")),
-        (
-            "goal",
-            _measured(
-                scene, "goal", f"({scene.goal.x:.6g}, {scene.goal.y:.6g}), reached within {scene.goal.distance:g} m"
-            ),
-        ),
+        ("goal", _measured(scene, "goal", goal)),
         ("frames", f"{len(record)}, one each {scene.rules.dt} s"),
         ("outcome", f"{record.outcome.status}: {record.outcome.reason}"),
         ("contacts", totals.contacts),
-        *_limit_rows(totals.excess),
+        *([("commands beyond limits", totals.excess)] if totals.excess else []),
         ("labels", document["labels"] or "the command itself"),
         ("not placed", list(scene.dropped)),
     ]
@@ -201,22 +187,6 @@ def _episode_rows(path: Path) -> Rows:
     return rows
 
 
-def _agreement_json(agreement: Agreement) -> dict[str, Any]:
-    """Agreement of the ratings of one question, complete, as JSON."""
-    between = {"measure": agreement.measure, "value": agreement.alpha} if agreement.measure else None
-    return {
-        "question": agreement.spec.question,
-        "kind": agreement.spec.kind,
-        "raters": agreement.raters,
-        "ratings": agreement.ratings,
-        "runs": agreement.runs,
-        "runs_rated_by_two_or_more": agreement.shared,
-        "between_raters": between,
-        "within_raters": [asdict(consistency) for consistency in agreement.within],
-        "disputed": [asdict(run) for run in agreement.disputed],
-    }
-
-
 def _agreement_rows(agreement: Agreement) -> Rows:
     """Agreement of the ratings of one question, in short."""
     ratings = f"{agreement.ratings}, of {agreement.runs} runs; {agreement.shared} of them rated by two or more"
@@ -230,7 +200,7 @@ def _agreement_rows(agreement: Agreement) -> Rows:
     rows += [(f"within {within.rater}", _consistency_text(within)) for within in agreement.within]
     disputed = [
         f"{run.file} ({', '.join(f'{rater}: {label}' for rater, label in run.labels.items())})"
-        for run in agreement.disputed[:MAX_DISPUTED]
+        for run in agreement.disputed[:_MAX_DISPUTED]
     ]
     return [*rows, ("most disputed", disputed)] if disputed else rows
 

@@ -18,22 +18,22 @@ from pathlib import Path
 
 import click
 
+from sonata2d import registry
 from sonata2d.core.files import interruption
 from sonata2d.core.wording import one_line
 from sonata2d.errors import PluginWarning, Sonata2dError
-from sonata2d.registry import Registry
 
 from .command import Command
 from .options import examples, json_option
 from .output import show_json, wants_json
 
-PACKAGES = (
+_PACKAGES = (
     "pymunk", "numpy", "pydantic", "pygame-ce", "pygame-gui", "orjson", "lazy-loader", "click", "tqdm", "PyYAML",
     "jinja2", "zstandard", "platformdirs", "filelock",
 )  # fmt: skip
-COMPILER = ("numba", "llvmlite")  # the interpreter runs the simulation without them
-MODULES = {"pygame-ce": "pygame", "PyYAML": "yaml"}  # where the module is not named as the package
-EXTRAS = {  # name of the extra, what it adds, its modules
+_COMPILER = ("numba", "llvmlite")  # the interpreter runs the simulation without them
+_MODULES = {"pygame-ce": "pygame", "PyYAML": "yaml"}  # where the module is not named as the package
+_EXTRAS = {  # name of the extra, what it adds, its modules
     "films": ("video", "gif and mp4", "imageio_ffmpeg", "PIL"),
     "plots": ("plots", "the picture of evaluate", "matplotlib"),
     "studies": ("serve", "studies in a browser", "starlette", "uvicorn", "websockets"),
@@ -68,13 +68,13 @@ def findings() -> dict[str, Finding]:
     has_display = sys.platform in ("win32", "darwin") or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
     return {
         "python": (True, f"{platform.python_version()} on {platform.platform()}"),
-        **{package: _package(package) for package in PACKAGES},
-        **{package: _package(package, is_required=False) for package in COMPILER},
+        **{package: _package(package) for package in _PACKAGES},
+        **{package: _package(package, is_required=False) for package in _COMPILER},
         "kernels": _run(_kernels),
         **_plugins(),
         "trial episode": _run(_trial_episode),
         "writing": _run(_writing),
-        **{kind: _extra(*extra) for kind, extra in EXTRAS.items()},
+        **{kind: _extra(*extra) for kind, extra in _EXTRAS.items()},
         "display": (True, "available") if has_display else (None, "not available; all commands without a window work"),
     }
 
@@ -87,7 +87,7 @@ def _package(name: str, *, is_required: bool = True) -> Finding:
         return (False if is_required else None), f"missing; pip install {name}"
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     try:
-        importlib.import_module(MODULES.get(name, name.replace("-", "_")))
+        importlib.import_module(_MODULES.get(name, name.replace("-", "_")))
     except Exception as error:  # a missing library of the system, a version of NumPy that is too new, ...
         return False, f"{installed} cannot be imported ({_reason(error)}); pip install -U {name}"
     return True, installed
@@ -102,45 +102,33 @@ def _extra(extra: str, use: str, *modules: str) -> Finding:
 
 def _plugins() -> dict[str, Finding]:
     """Each plug-in, with the package that it belongs to, and whether it can be used."""
-    from sonata2d import registry
-    from sonata2d.agents.controllers.loading import find_controller
-    from sonata2d.agents.pedestrians.models.base import pedestrian_model
-    from sonata2d.formats.api import format_named
-    from sonata2d.scenegen.floor_plans import load_room_kind
-    from sonata2d.study.questions import question_kind
-
-    loaders: tuple[tuple[registry.Registry, Callable[[str], object]], ...] = (
-        (registry.CONTROLLERS, find_controller),
-        (registry.PEDESTRIAN_MODELS, pedestrian_model),
-        (registry.FORMATS, format_named),
-        (registry.METRICS, _load_metric),
-        (registry.ROOM_KINDS, load_room_kind),
-        (registry.QUESTION_KINDS, question_kind),
-        (registry.OBSERVATION_PARTS, _load_part),
-        (registry.FURNITURE_TYPES, registry.furniture_type),
+    loaders = (
+        (registry.CONTROLLERS, "sonata2d.agents.controllers.loading:find_controller"),
+        (registry.PEDESTRIAN_MODELS, "sonata2d.agents.pedestrians.models.base:pedestrian_model"),
+        (registry.FORMATS, "sonata2d.formats.api:format_named"),
+        (registry.METRICS, f"{__name__}:_load_metric"),
+        (registry.ROOM_KINDS, "sonata2d.scenegen.floor_plans:load_room_kind"),
+        (registry.QUESTION_KINDS, "sonata2d.study.questions:question_kind"),
+        (registry.OBSERVATION_PARTS, "sonata2d.gym.parts:part_named"),
+        (registry.FURNITURE_TYPES, "sonata2d.registry:furniture_type"),
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PluginWarning)  # the findings say the same
         return {
-            f"{kind.kind} {point.name}": _run(partial(_plugin, kind, load, point))
-            for kind, load in loaders
+            f"{kind.kind} {point.name}": _run(partial(_plugin, kind, loader, point))
+            for kind, loader in loaders
             for point in entry_points(group=kind.group)
         }
 
 
-def _load_part(name: str) -> object:
-    from sonata2d.gym.parts import part_named
-
-    return part_named(name)
-
-
-def _plugin(registry: Registry, load: Callable[[str], object], point: EntryPoint) -> Finding:
+def _plugin(kind: registry.Registry, loader: str, point: EntryPoint) -> Finding:
+    """Whether a plug-in can be loaded by a function, `module:function`."""
     package = f"plug-in of {point.dist.name} {point.dist.version}" if point.dist else "plug-in"
-    kept = registry.plugins.get(point.name)
+    kept = kind.plugins.get(point.name)
     if kept is None or kept != point:
         return False, f"{package}: the name is taken; rename the entry point ({point.value})"
     try:
-        load(point.name)
+        registry.resolve(loader)(point.name)
     except Sonata2dError as error:
         return False, f"{package}: {' '.join(str(error).split())}"
     return True, f"{package}: {point.value}"
@@ -148,9 +136,8 @@ def _plugin(registry: Registry, load: Callable[[str], object], point: EntryPoint
 
 def _load_metric(name: str) -> None:
     from sonata2d.metrics.catalogue import plugin_problem, select_metrics
-    from sonata2d.registry import METRICS
 
-    METRICS.load(name, plugin_problem)
+    registry.METRICS.load(name, plugin_problem)
     select_metrics([name])  # fails if the metric has another name than the entry point
 
 

@@ -15,7 +15,7 @@ from .options import PATH, examples, json_option
 from .output import echo, progress, show_json, wants_json
 from .workers import WorkerOptions, workers_options
 
-DEFAULT_SCENARIO = "sonata-2020"
+_DEFAULT_SCENARIO = "sonata-2020"
 
 
 @click.command(
@@ -39,7 +39,7 @@ DEFAULT_SCENARIO = "sonata-2020"
     "scenarios",
     multiple=True,
     metavar="NAME|FILE",
-    help=f"Scenario in which controllers run; may be repeated.  [default: {DEFAULT_SCENARIO}]",
+    help=f"Scenario in which controllers run; may be repeated.  [default: {_DEFAULT_SCENARIO}]",
 )
 @click.option(
     "--episodes", type=click.IntRange(1), default=20, help="Number of episodes for each controller and scenario."
@@ -104,7 +104,7 @@ def command(
     with workers.started() as pool:
         comparison = evaluate(
             {str(path): path for path in paths} if paths else {name: name for name in controllers},
-            list(dict.fromkeys(scenarios or (DEFAULT_SCENARIO,))),
+            list(dict.fromkeys(scenarios or (_DEFAULT_SCENARIO,))),
             workers=pool,
             out=out,
             progress=progress,

@@ -36,12 +36,7 @@ from .transfer import require_supported, show_transfer
 )
 @json_option
 def command(
-    source: Path,
-    format: str,
-    output: Path,
-    frame_time: float | None,
-    renumber: bool,
-    walls: Path | None,
+    source: Path, format: str, output: Path, frame_time: float | None, renumber: bool, walls: Path | None
 ) -> None:
     """Import episodes from files of another program.
 

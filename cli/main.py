@@ -22,38 +22,38 @@ from .interrupts import EXIT_BUG, exit_despite_threads, exit_interrupted, raisin
 from .options import examples
 from .start import ended_by_ctrl_c
 
-# section of the overview: name of the command: (module and attribute, description)
-SECTIONS = {
+# section of the overview: name of the command: (module, description)
+_SECTIONS = {
     "Create data": {
-        "run": ("run:command", "Run one episode, and draw it."),
-        "generate": ("generate:command", "Generate a data set of labelled episodes."),
-        "collect": ("collect:command", "Drive the robot in a window, or rate recorded episodes."),
-        "serve": ("serve:command", "Serve a study: participants drive and rate in a browser."),
-        "study": ("study:command", "Check a study file; tables of a study's results."),
-        "import": ("import_:command", "Import episodes from files of another program."),
+        "run": ("run", "Run one episode, and draw it."),
+        "generate": ("generate", "Generate a data set of labelled episodes."),
+        "collect": ("collect", "Drive the robot in a window, or rate recorded episodes."),
+        "serve": ("serve", "Serve a study: participants drive and rate in a browser."),
+        "study": ("study", "Check a study file; tables of a study's results."),
+        "import": ("import_", "Import episodes from files of another program."),
     },
     "Evaluate and view": {
-        "evaluate": ("evaluate:command", "Compute metrics of episodes, or compare controllers."),
-        "render": ("render:command", "Draw an episode as a picture, a film or an HTML page."),
-        "view": ("view:command", "Play episodes in a window, or watch a controller live."),
+        "evaluate": ("evaluate", "Compute metrics of episodes, or compare controllers."),
+        "render": ("render", "Draw an episode as a picture, a film or an HTML page."),
+        "view": ("view", "Play episodes in a window, or watch a controller live."),
     },
     "Manage data sets": {
-        "check": ("check:command", "Verify a data set or an episode."),
-        "describe": ("describe:command", "Summarise a data set or an episode."),
-        "mirror": ("mirror:command", "Mirror a data set or an episode left to right."),
-        "split": ("split:command", "Split a data set into train, dev and test parts."),
-        "merge": ("merge:command", "Merge data sets into a new one."),
-        "card": ("card:command", "Write the data card of a data set, with figures."),
-        "export": ("export:command", "Export episodes to a format of another program."),
+        "check": ("check", "Verify a data set or an episode."),
+        "describe": ("describe", "Summarise a data set or an episode."),
+        "mirror": ("mirror", "Mirror a data set or an episode left to right."),
+        "split": ("split", "Split a data set into train, dev and test parts."),
+        "merge": ("merge", "Merge data sets into a new one."),
+        "card": ("card", "Write the data card of a data set, with figures."),
+        "export": ("export", "Export episodes to a format of another program."),
     },
     "Set up": {
-        "scenarios": ("scenarios:command", "List, show and draw scenarios; make them from tracks."),
-        "controllers": ("controllers:command", "List the available controllers."),
-        "doctor": ("doctor:command", "Check that the installation works."),
+        "scenarios": ("scenarios", "List, show and draw scenarios; make them from tracks."),
+        "controllers": ("controllers", "List the available controllers."),
+        "doctor": ("doctor", "Check that the installation works."),
     },
 }
-WIDTH = max(len(name) for section in SECTIONS.values() for name in section)
-COMMANDS = {name: place for section in SECTIONS.values() for name, (place, _) in section.items()}
+WIDTH = max(len(name) for section in _SECTIONS.values() for name in section)
+COMMANDS = {name: module for section in _SECTIONS.values() for name, (module, _) in section.items()}
 
 
 class Commands(Group):
@@ -74,13 +74,12 @@ class Commands(Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        module, _, attribute = COMMANDS[cmd_name].partition(":")
-        command: click.Command = getattr(importlib.import_module(f".{module}", __package__), attribute)
-        command.name = cmd_name  # the functions of most modules are called `command`
+        command: click.Command = importlib.import_module(f".{COMMANDS[cmd_name]}", __package__).command
+        command.name = cmd_name
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        for title, commands in SECTIONS.items():
+        for title, commands in _SECTIONS.items():
             with formatter.section(title):
                 formatter.write_dl([(f"{name:<{WIDTH}}", description) for name, (_, description) in commands.items()])
 

@@ -67,10 +67,7 @@ size_option = click.option(
     help="Size of the window, pixels; at least 640 x 480.  [default: fits the screen]",
 )
 language_option = click.option(
-    "--language",
-    metavar="NAME|FILE",
-    default="en",
-    help="Words of the window: en, de, es, zh, or your own table (TOML).",
+    "--language", metavar="NAME|FILE", default="en", help="Words of the window: en, de, es, zh, or a table (TOML)."
 )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -12,20 +11,6 @@ from .command import Group
 from .controllers import controller_option
 from .options import PATH, examples, json_option
 from .output import progress, show_json, show_result, show_table, wants_json
-
-
-def _parse_numbers(context: click.Context, option: click.Parameter, value: str | None) -> tuple[float, ...] | None:
-    """Parse comma-separated numbers, as many as the metavar of the option has."""
-    if value is None:
-        return None
-    try:
-        numbers = tuple(float(part) for part in value.split(","))
-    except ValueError:
-        numbers = ()
-    metavar = str(option.metavar)
-    if len(numbers) != len(metavar.split(",")) or not all(map(math.isfinite, numbers)):
-        raise click.BadParameter(f"{value!r} is not of the form {metavar}; give finite numbers separated by commas")
-    return numbers
 
 
 @click.group(cls=Group)
@@ -92,7 +77,7 @@ def draw_scenario(scenario: str, output: Path, scenes: int, seed: int) -> None:
     epilog=examples(
         "scenarios from-tracks eth.csv -o eth.yaml",
         "scenarios from-tracks eth.csv --walls walls.csv --people simulated -o eth.json",
-        "scenarios from-tracks eth.csv --replay 12 --robot 0,5,0 --goal 12,5 -o one.yaml",
+        "scenarios from-tracks eth.csv --replay 12 --robot 0 5 0 --goal 12 5 -o one.yaml",
     ),
 )
 @click.argument("tracks", type=PATH, metavar="FILE")
@@ -111,8 +96,8 @@ def draw_scenario(scenario: str, output: Path, scenes: int, seed: int) -> None:
 )
 @click.option("--start", type=click.FloatRange(0.0), default=0.0, help="Start of the time window, s.")
 @click.option("--seconds", type=click.FloatRange(0.1), default=60.0, help="Length of the time window, s.")
-@click.option("--robot", callback=_parse_numbers, metavar="X,Y,THETA", help="Start pose, m and rad.  [default: random]")
-@click.option("--goal", callback=_parse_numbers, metavar="X,Y", help="Position of the goal, m.  [default: random]")
+@click.option("--robot", type=(float,) * 3, metavar="X Y THETA", help="Start pose, m and rad.  [default: random]")
+@click.option("--goal", type=(float,) * 2, metavar="X Y", help="Position of the goal, m.  [default: random]")
 @click.option("--frame-time", type=click.FloatRange(1e-6, 3600.0), help="Duration of a frame, s, if not in the file.")
 @click.option(
     "--speed", type=click.FloatRange(0.1, 5.0), help="Speed of people with short tracks, m/s.  [default: random]"

@@ -12,7 +12,7 @@ from .command import Command
 from .options import PATH, examples, json_option
 from .output import progress, show_json, show_table, wants_json
 
-DEFAULT_PARTS = "train=0.8,dev=0.1,test=0.1"
+_DEFAULT_PARTS = "train=0.8,dev=0.1,test=0.1"
 
 
 def _fractions(ctx: click.Context, _: click.Parameter, text: str) -> dict[str, float]:
@@ -26,7 +26,7 @@ def _fractions(ctx: click.Context, _: click.Parameter, text: str) -> dict[str, f
             fraction = 0.0
         if not part.strip() or part.strip() in fractions or not 0.0 < fraction < float("inf"):
             raise click.BadParameter(
-                f"{piece!r} is not of the form part=fraction, or is given twice; e.g. {DEFAULT_PARTS}"
+                f"{piece!r} is not of the form part=fraction, or is given twice; e.g. {_DEFAULT_PARTS}"
             )
         fractions[part.strip()] = fraction
     total = sum(fractions.values())
@@ -43,7 +43,7 @@ def _fractions(ctx: click.Context, _: click.Parameter, text: str) -> dict[str, f
 @click.option(
     "--parts",
     callback=_fractions,
-    default=DEFAULT_PARTS,
+    default=_DEFAULT_PARTS,
     help="Names of the parts, with fractions that add up to 1, or proportions such as train=8,test=2.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, help="Seed of the assignment.")

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from sonata2d.formats.api import TransferResult
     from sonata2d.formats.format import Options
 
-FLAGS = {"original": "--quirks", "frame_time": "--frame-time", "types": "--as"}  # else -- and the name of the option
+_FLAGS = {"original": "--quirks", "frame_time": "--frame-time", "types": "--as"}  # else -- and the name of the option
 
 
 def require_supported(format: str, options: Options) -> None:
@@ -20,7 +20,7 @@ def require_supported(format: str, options: Options) -> None:
     from sonata2d.formats.api import unsupported_options
 
     if names := unsupported_options(format, options):
-        flag = FLAGS.get(names[0], f"--{names[0]}")
+        flag = _FLAGS.get(names[0], f"--{names[0]}")
         raise click.ClickException(f"the format {format} does not use {flag}; leave it out")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import wraps
 from typing import TYPE_CHECKING, Any
@@ -53,15 +53,14 @@ class WorkerOptions:
         """
         from sonata2d.datasets.workers.executors import Workers
 
-        if self.engine == "processes":
-            with Workers(self.number, task_size=self.task_size) as workers:
-                yield workers
-            return
-        from sonata2d.datasets.workers.dask_executor import DaskExecutor
+        with ExitStack() as stack:
+            executor: Any = self.number
+            if self.engine == "dask":
+                from sonata2d.datasets.workers.dask_executor import DaskExecutor
 
-        executor = DaskExecutor(self.address) if self.address else DaskExecutor(workers=self.number)
-        with executor, Workers(executor, task_size=self.task_size) as workers:
-            yield workers
+                number = None if self.address else self.number
+                executor = stack.enter_context(DaskExecutor(self.address, workers=number))
+            yield stack.enter_context(Workers(executor, task_size=self.task_size))
 
 
 def workers_options(command: Callable[..., None]) -> Callable[..., None]:

@@ -34,15 +34,7 @@ from ..datasets.manifest import (
 )
 from ..errors import ConfigError, RecordError
 from ..record.canonical import parse_header
-from ..record.files import (
-    SUFFIXES,
-    compress,
-    file_stem,
-    read_bytes,
-    safe_name,
-    safe_stem,
-    write_atomically,
-)
+from ..record.files import SUFFIXES, compress, file_stem, read_bytes, safe_name, safe_stem, write_atomically
 from ..record.layout import JsonDict, software_versions
 from ..record.reader import read_episode
 from ..record.recorder import EpisodeRecorder
@@ -122,10 +114,6 @@ class Collection:
     def discard(self, recorder: EpisodeRecorder, when: datetime, announce: Callable[[str], None]) -> Path:
         """Write a run that ended to the folder of discarded runs; otherwise as `keep`."""
         return self._write(self.folder / DISCARDED, recorder, when, announce)
-
-    def has_kept(self, name: str) -> bool:
-        """Whether a kept run has this file name."""
-        return bool(name) and (self.folder / name).exists()
 
     def contains(self, name: str) -> bool:
         """Whether a kept or discarded run has this file name."""
@@ -285,9 +273,7 @@ def manifest_of_runs(rows: list[JsonDict]) -> JsonDict:
         "format": DATASET_FORMAT,
         "version": DATASET_VERSION,
         "collected": True,
-        "name": None,
-        "settings": None,
-        "seed": None,
+        **dict.fromkeys(("name", "settings", "seed")),
         "episodes": len(rows),
         "controller": None,
         "precision": PRECISION,

@@ -16,7 +16,6 @@ from ..core.geometry import Twist
 from ..core.labels import LABEL_DEVICE, LabelSpec
 from ..core.navigation import FreeSpace
 from ..core.scene import Scene
-from ..core.snapshot import Outcome, Snapshot
 from ..errors import RecordError, SceneError, Sonata2dError
 from ..record.reader import read_episode
 from ..record.recorder import EpisodeRecorder
@@ -81,15 +80,6 @@ class Session:
     """
 
     state: State
-    scene: Scene
-    before: Snapshot
-    after: Snapshot
-    outcome: Outcome | None
-    dropped_ticks: int
-    _run_config: ScenarioConfig
-    _controller: Teleoperation
-    _episode: Episode
-    _recorder: EpisodeRecorder
     _first_events: tuple[DeviceEvent, ...]  # precede the device events of the next tick
 
     def __init__(
@@ -119,12 +109,7 @@ class Session:
         except BaseException:
             self._collection.close()  # so that the caller can try again
             raise
-        self._collection.log(event="begun", at=self._time(), scenario=config.name, seed=seed, recovered=self.recovered)
-
-    @property
-    def out(self) -> Path:
-        """Folder of the runs."""
-        return self._collection.folder
+        self._log("begun", scenario=config.name, seed=seed, recovered=self.recovered)
 
     @property
     def contributor(self) -> str:
@@ -310,7 +295,7 @@ class Session:
         except RecordError:
             self._begin(*waiting)
             raise
-        self._collection.log(event="undone", at=self._time(), file=name)
+        self._log("undone", file=name)
         self.undone_label = record.label
         return path
 
@@ -319,7 +304,7 @@ class Session:
         self._journal.shut()
         if not self.ticks:
             self._journal.delete()
-        self._collection.log(event="closed", at=self._time(), open_ticks=self.ticks, dropped_ticks=self.dropped_ticks)
+        self._log("closed", open_ticks=self.ticks, dropped_ticks=self.dropped_ticks)
         self._collection.close()
 
     def _following(self) -> int | None:
@@ -381,7 +366,7 @@ class Session:
             # A crash after the episode file was written and before the journal was deleted leaves a completed run.
             if run is None or any(self._collection.contains(name) for name in run.file_names):
                 return False
-            if self._collection.has_kept(run.header.get(UNDONE, "")):
+            if (undone := run.header.get(UNDONE)) and (self._collection.folder / undone).exists():
                 return False  # a crash came before the run was taken back
             if run.header["physics"] != PHYSICS_VERSION:
                 raise RecordError(f"it is of physics version {run.header['physics']}, this is {PHYSICS_VERSION}")
@@ -433,14 +418,9 @@ class Session:
     def _put_away(self, event: str, path: Path, **facts: Any) -> None:
         """Delete the journal of a stored run and log the event."""
         self._journal.delete()
-        self._collection.log(
-            event=event,
-            at=self._time(),
-            file=path.name,
-            seconds=round(self.after.time, 4),
-            dropped_ticks=self.dropped_ticks,
-            **facts,
-        )
+        seconds = round(self.after.time, 4)
+        self._log(event, file=path.name, seconds=seconds, dropped_ticks=self.dropped_ticks, **facts)
 
-    def _time(self) -> str:
-        return f"{self._now():%Y-%m-%dT%H:%M:%SZ}"
+    def _log(self, event: str, **facts: Any) -> None:
+        """Append an event of this moment to the log of the folder."""
+        self._collection.log(event=event, at=f"{self._now():%Y-%m-%dT%H:%M:%SZ}", **facts)

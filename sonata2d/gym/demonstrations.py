@@ -14,11 +14,10 @@ from ..agents.controllers.base import Controller, Regenerate, Stop, require_cont
 from ..core.geometry import Twist
 from ..errors import ControllerError
 from ..record.record import EpisodeRecord
-from .env import wrappers_of
+from .env import Env, wrappers_of
 from .pipeline import Pipeline
 from .wrappers import DiscreteActions, stacked
 
-Env = gymnasium.Env[Any, Any]
 _NOISE_TIME = 0.5  # s
 _ROUNDING = 1e-4  # m/s and rad/s, by which the command of an action may differ from the controller's
 

@@ -13,12 +13,11 @@ from gymnasium.utils import RecordConstructorArgs
 from ..core.wording import one_line
 from ..errors import ConfigError
 from ..scenegen.scenario.config import ScenarioConfig
-from .env import SocialNavEnv, base_of, wrappers_of
+from .env import Env, SocialNavEnv, base_of, wrappers_of
 from .observation import Sizes
 from .parts import STANDARD, DerivedPart
 from .wrappers import DiscreteActions, FieldOfView, Flat, Graph, History, Lidar, Noise, WorldFrame, has_memory
 
-Env = gymnasium.Env[Any, Any]
 _WRAPPERS: dict[str, Any] = {
     wrapper.__name__: wrapper
     for wrapper in (DiscreteActions, FieldOfView, Flat, Graph, History, Lidar, Noise, WorldFrame)

@@ -35,6 +35,7 @@ from .recording import FolderRecorder, recording_folder
 from .rewards import Reward, checked_reward, reward_of
 from .state import MAX_SEED, EnvState, checked_state
 
+Env = gymnasium.Env[Any, Any]
 _RenderMode = Literal["human", "rgb_array", "rgb_array_list"]
 _LAYOUTS = 100  # episodes that `reset` tries if their scenes have no layout
 _DEFAULT_SIZE, _MAXIMUM_SIDE = (640, 640), 8192  # px
@@ -406,14 +407,14 @@ def _metrics_of(chosen: Iterable[str] | str | bool) -> tuple[Metric, ...]:
     return tuple(metric for metric in select_metrics(names) if metric.name not in NEEDING_RERUN) if names else ()
 
 
-def wrappers_of(env: gymnasium.Env[Any, Any]) -> Iterator[gymnasium.Wrapper[Any, Any, Any, Any]]:
+def wrappers_of(env: Env) -> Iterator[gymnasium.Wrapper[Any, Any, Any, Any]]:
     """The wrappers of an environment, the outermost first."""
     while isinstance(env, gymnasium.Wrapper):
         yield env
         env = env.env
 
 
-def base_of(env: gymnasium.Env[Any, Any]) -> SocialNavEnv:
+def base_of(env: Env) -> SocialNavEnv:
     """The environment inside its wrappers.
 
     Raises:

@@ -15,11 +15,10 @@ from ..core.portable_math import Array
 from ..core.wording import shown
 from ..learning.fixed_point import LARGEST_VALUE, LARGEST_WEIGHT
 from .description import describe, environment_of
-from .env import base_of
+from .env import Env, base_of
 from .mlp import Mlp, write_mlp
 from .policy import METADATA_KEY, Model, TorchPolicy, is_torch_module, normalisation_of
 
-Env = gymnasium.Env[Any, Any]
 _Layers = tuple[list[Any], dict[str, Any]]
 _EPISODES, _STEPS, _TOLERANCE = 4, 50, 0.02  # of the comparison of a file with its model
 

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 
 from ..core.compiled.kernel import kernel, subroutine
-from ..core.compiled.packing import Floats2, Ints, Ints2, Packed, unpack
+from ..core.compiled.packing import Floats2, Packed, unpack
 from ..core.compiled.scalar import length, to_line
 from ..core.entities import Interaction
 from ..core.humans import X, Y
@@ -71,16 +71,16 @@ class Sizes:
         drawn = (config.humans,) if config.humans is not None else (config.standing, config.wandering)
         pairs = config.talking_pairs.max + config.walking_pairs.max
         attending = config.at_laptop.max + config.at_plant.max + config.at_object.max
-        humans = sum(count.max for count in drawn if count is not None) + 2 * pairs + _members(config)
+        humans = sum(count.max for count in drawn if count is not None) + 2 * pairs
+        talking, walking = config.groups.talking_size.max, config.groups.walking_size.max
+        groups = ((config.talking_groups.max, talking), (config.walking_groups.max, walking))
+        humans += sum(count * size for count, size in groups)
         humans += attending + config.seated.max + len(config.people) + sum(queue.waiting.max for queue in config.queues)
         humans += _VISITORS if any(door.inflow > 0.0 for door in config.doors) else 0
         laptops = config.tables.max if config.laptops_on_tables else 0
         objects = sum(count.max for count in config.counts.values()) + laptops
         objects += 2 * attending + len(config.furniture)  # a laptop comes with a table
-        group = config.groups.talking_size.max
-        together = (
-            config.talking_groups.max * group * group + config.walking_groups.max * config.groups.walking_size.max**2
-        )
+        together = sum(count * size * size for count, size in groups)
         return cls(max(humans, 1), max(objects, 1), _wall_count(config.room), max(2 * humans, together, 1))
 
     def changed(self, numbers: dict[str, int]) -> Sizes:
@@ -104,28 +104,19 @@ def _wall_count(room: RoomConfig) -> int:
     )
 
 
-def _members(config: ScenarioConfig) -> int:
-    """The largest number of members of all groups of a scenario together."""
-    groups = config.groups
-    return config.talking_groups.max * groups.talking_size.max + config.walking_groups.max * groups.walking_size.max
-
-
 class _Scene(NamedTuple):
     """The constants of an episode, and the rows, for the kernel `_choose_rows`.
 
     Attributes:
         objects: (M, 2), positions, m, world frame.
         walls: (W, 4), ends, m, world frame.
-        human_rows, object_rows, wall_rows, interaction_rows: the arrays of `Rows`, which the kernel writes.
+        rows: the arrays that the kernel writes.
         is_sorted: whether the nearest entities come first.
     """
 
     objects: Floats2
     walls: Floats2
-    human_rows: Ints
-    object_rows: Ints
-    wall_rows: Ints
-    interaction_rows: Ints2
+    rows: Rows
     is_sorted: bool
 
 
@@ -167,8 +158,7 @@ class Encoder:
     def reset(self, scene: Scene) -> None:
         """Begin an episode."""
         objects = np.array([piece.pose.position for piece in scene.furniture], dtype=float).reshape(-1, 2)
-        rows = (self.rows.humans, self.rows.objects, self.rows.walls, self.rows.interactions)
-        self._scene = Packed(_Scene(objects, wall_ends(scene), *rows, self.order == "nearest"))
+        self._scene = Packed(_Scene(objects, wall_ends(scene), self.rows, self.order == "nearest"))
         self._everybody = np.ones(len(scene.humans), dtype=bool)
         ids = [*(human.id for human in scene.humans), *(piece.id for piece in scene.furniture)]
         self._index = {entity: k for k, entity in enumerate(ids)}
@@ -247,7 +237,7 @@ def _choose_rows(
     """
     scene = unpack(packed_scene, _Scene)
     x, y, is_sorted = row[X], row[Y], scene.is_sorted
-    human_rows, object_rows, wall_rows = scene.human_rows, scene.object_rows, scene.wall_rows
+    human_rows, object_rows, wall_rows = scene.rows.humans, scene.rows.objects, scene.rows.walls
     humans, objects, walls = len(is_present), len(scene.objects), len(scene.walls)
     distance = np.empty(max(len(human_rows), len(object_rows), len(wall_rows)))
 
@@ -288,12 +278,12 @@ def _choose_rows(
     for n in range(len(object_rows)):
         if object_rows[n] >= 0:
             slot[humans + object_rows[n]] = len(human_rows) + n
-    scene.interaction_rows[:] = 0
+    scene.rows.interactions[:] = 0
     count = 0
     for k in range(len(interactions)):
         source, destination = slot[interactions[k, 0]], slot[interactions[k, 2]]
         if source >= 0 and destination >= 0 and count < len(interaction_mask):
-            link = scene.interaction_rows[count]
+            link = scene.rows.interactions[count]
             link[0], link[1], link[2] = source, interactions[k, 1], destination
             interaction_mask[count] = 1.0
             count += 1

@@ -11,13 +11,14 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..core.compiled.kernel import kernel, subroutine
+from ..core.compiled.packing import Ints, Ints2
 from ..core.compiled.scalar import clipped
 from ..core.entities import Furniture
 from ..core.furniture_types import OBJECT_TYPES
@@ -79,8 +80,7 @@ def direction(cos: str = "cos", sin: str = "sin") -> tuple[Column, Column]:
     return _pair("vector", (cos, sin), "", 1.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Rows:
+class Rows(NamedTuple):
     """The entities that have rows in an observation.
 
     Attributes:
@@ -89,10 +89,10 @@ class Rows:
             from 0, objects from H; 0 in rows without an interaction.
     """
 
-    humans: IntArray
-    objects: IntArray
-    walls: IntArray
-    interactions: IntArray
+    humans: Ints
+    objects: Ints
+    walls: Ints
+    interactions: Ints2
 
 
 class ObservationPart:

@@ -10,11 +10,9 @@ from gymnasium.wrappers import TimeLimit
 
 from ..core.geometry import Twist
 from ..core.snapshot import Snapshot
-from .env import base_of, wrappers_of
+from .env import Env, base_of, wrappers_of
 from .parts import Observation
 from .wrappers import EpisodeWrapper, has_memory
-
-Env = gymnasium.Env[Any, Any]
 
 
 class Pipeline:

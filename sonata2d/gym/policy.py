@@ -22,10 +22,11 @@ from ..core.snapshot import Snapshot
 from ..core.wording import described, one_line, shown
 from ..errors import ControllerError
 from .description import describe, environment_of, require_parts
+from .env import Env
 from .mlp import Mlp, read_mlp
 from .pipeline import Pipeline
+from .wrappers import shape_of
 
-Env = gymnasium.Env[Any, Any]
 Predict = Callable[[Any], Any]
 METADATA_KEY = "sonata2d_environment"  # of an .onnx file; its value is the description of the environment
 
@@ -132,16 +133,16 @@ class PolicyController(LearnedController):
             if not isinstance(env.observation_space, gymnasium.spaces.Box) or width != numbers:
                 raise ControllerError(
                     f"the policy reads {width} numbers, the environment has observations of "
-                    f"{_shape_of(env.observation_space)}; leave out the environment, which the file describes"
+                    f"{shape_of(env.observation_space)}; leave out the environment, which the file describes"
                 )
             return
         model = self._predict.model if isinstance(self._predict, Model) else self._predict
         for name in ("observation_space", "action_space"):
             trained, present = getattr(model, name, None), getattr(env, name)
-            if trained is not None and _shape_of(trained) != _shape_of(present):
+            if trained is not None and shape_of(trained) != shape_of(present):
                 raise ControllerError(
-                    f"the policy was trained with {name}s of {one_line(_shape_of(trained), 100)}, the environment has "
-                    f"{one_line(_shape_of(present), 100)}; give the environment of the training, with its wrappers"
+                    f"the policy was trained with {name}s of {one_line(shape_of(trained), 100)}, the environment has "
+                    f"{one_line(shape_of(present), 100)}; give the environment of the training, with its wrappers"
                 )
 
     def _warn_of_hidden(self, scene: Scene) -> None:
@@ -299,10 +300,10 @@ def normalisation_of(model: Any, normalisation: Any) -> Any:
     if not normalisation.norm_obs:
         return None
     normalised, trained = normalisation.observation_space, getattr(model, "observation_space", None)
-    if trained is not None and _shape_of(normalised) != _shape_of(trained):
+    if trained is not None and shape_of(normalised) != shape_of(trained):
         raise ControllerError(
-            f"the normalisation is for observations of {one_line(_shape_of(normalised), 100)}, the policy was trained "
-            f"with {one_line(_shape_of(trained), 100)}"
+            f"the normalisation is for observations of {one_line(shape_of(normalised), 100)}, the policy was trained "
+            f"with {one_line(shape_of(trained), 100)}"
         )
     return normalisation
 
@@ -329,15 +330,6 @@ def _load_normalisation(path: Path) -> Any:
         raise ControllerError(f"{path} cannot be read: {error.strerror or error}") from error
     except Exception as error:  # whatever the file makes the unpickler do
         raise ControllerError(f"{path} is not a file of VecNormalize.save: {described(error)}") from error
-
-
-def _shape_of(space: gymnasium.Space[Any]) -> str:
-    """Kind and shape of a space, in words; bounds are left out, because they depend on the scenario."""
-    if isinstance(space, gymnasium.spaces.Dict):
-        return ", ".join(f"{name} {_shape_of(part)}" for name, part in space.items())
-    if isinstance(space, gymnasium.spaces.Discrete):
-        return f"Discrete({space.n})"
-    return f"{type(space).__name__}{space.shape}"
 
 
 def _load_onnx(path: Path) -> tuple[Predict, Mapping[str, Any] | None]:

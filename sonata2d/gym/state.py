@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from ..core.wording import shown
 from ..scenegen.scenario.config import ScenarioConfig
+from ..scenegen.scenario.problems import problem_of
 from ..version import PHYSICS_VERSION
 
 _STATE_FORMAT: Literal["sonata2d-env-state"] = "sonata2d-env-state"
@@ -60,10 +61,8 @@ def checked_state(state: Mapping[str, Any], config: ScenarioConfig) -> EnvState:
         checked = EnvState.model_validate(dict(content))
         np.random.PCG64().state = json.loads(checked.np_random)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        place = ".".join(map(str, first["loc"]))
-        problem = "is missing" if first["type"] == "missing" else f"{first['msg']}, got {shown(first['input'])}"
-        raise ValueError(f"the state is damaged: {place}: {problem}; use one of get_state()") from None
+        problem = problem_of(dict(content), error)[1]
+        raise ValueError(f"the state is damaged: {problem}; use one of get_state()") from None
     except (KeyError, OverflowError, RecursionError, TypeError, ValueError) as error:
         raise ValueError(f"the state is damaged: np_random: {error!r}; use one of get_state()") from None
     if checked.physics != PHYSICS_VERSION:

@@ -11,11 +11,10 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
 
-from .env import SocialNavEnv
+from .env import Env, SocialNavEnv
 from .pipeline import restore
 from .wrappers import stacked
 
-Env = gymnasium.Env[Any, Any]
 _Flags = NDArray[np.bool_]
 
 

@@ -22,12 +22,11 @@ from gymnasium.wrappers import NormalizeObservation
 from ..core.furniture_types import OBJECT_TYPES
 from ..core.portable_math import PI, unit_vectors
 from ..core.relations import ACTIVITIES, RELATIONS
+from ..core.wording import one_line
 from ..registry import did_you_mean
-from .env import SocialNavEnv, base_of, wrappers_of
+from .env import Env, SocialNavEnv, base_of, wrappers_of
 from .parts import FARTHEST, STANDARD, Floats32, Observation, Table
 from .sensing import measure_ranges, visible
-
-Env = gymnasium.Env[Any, Any]
 
 
 def has_memory(wrapper: gymnasium.Wrapper[Any, Any, Any, Any]) -> bool:
@@ -84,7 +83,8 @@ class EpisodeWrapper(gymnasium.ObservationWrapper[Any, Any, Any], RecordConstruc
         if not isinstance(space, spaces.Dict) or "humans" not in space.spaces:
             is_frame = isinstance(self, WorldFrame) and isinstance(self.env, Lidar)
             way = "use Lidar(keep=True)" if is_frame else f"put {name} inside it"
-            raise TypeError(f"{name} needs the dictionary of SocialNavEnv, got {_shape_of(space)} of {self.env}; {way}")
+            got = one_line(shape_of(space), 100)
+            raise TypeError(f"{name} needs the dictionary of SocialNavEnv, got {got} of {self.env}; {way}")
         for part in base_space.spaces:
             if part not in space.spaces or space[part].shape != base_space[part].shape:
                 raise TypeError(
@@ -126,7 +126,7 @@ class Flat(EpisodeWrapper):
         super().__init__(env, keys=keys)
         space = env.observation_space
         if not isinstance(space, spaces.Dict):
-            raise TypeError(f"Flat needs observations in a dictionary, got {_shape_of(space)} of {env}")
+            raise TypeError(f"Flat needs observations in a dictionary, got {shape_of(space)} of {env}")
         self.keys = tuple(name for name in space if space[name].dtype == np.float32) if keys is None else keys
         if not self.keys:
             raise ValueError(
@@ -145,11 +145,13 @@ class Flat(EpisodeWrapper):
         return np.concatenate([observation[name].ravel() for name in self.keys], dtype=np.float32)
 
 
-def _shape_of(space: spaces.Space[Any]) -> str:
-    """A space in a few words: its bounds may fill pages."""
+def shape_of(space: spaces.Space[Any]) -> str:
+    """Kind and shape of a space, in words; bounds are left out, because they depend on the scenario."""
     if isinstance(space, spaces.Dict):
-        return f"the parts {', '.join(space.spaces)}"
-    return f"{type(space).__name__} of the shape {space.shape}"
+        return ", ".join(f"{name} {shape_of(part)}" for name, part in space.items())
+    if isinstance(space, spaces.Discrete):
+        return f"Discrete({space.n})"
+    return f"{type(space).__name__}{space.shape}"
 
 
 _WORLD = 10_000.0  # m, bound of coordinates in the world frame

@@ -272,15 +272,13 @@ class ParticipantSession:
                     participant.choose_language(preferred(participant.study.config.languages, message.languages))
             case m.Language():
                 participant.choose_language(message.language)
-            # Pages, consent and questions.
-            case m.StepAction(type="read"):
-                participant.read(message.step)
+            # Pages, consent and questions. The page offers `skip` in a preview only, but anybody can send it.
+            case m.StepAction(type="skip") if not self._is_preview:
+                raise ValueError("steps can be skipped in a preview only")
+            case m.StepAction(type=("read" | "decline" | "skip") as action):
+                getattr(participant, action)(message.step)
             case m.Consent():
                 participant.consent(message.step, message.ticked)
-            case m.StepAction(type="decline"):
-                participant.decline(message.step)
-            case m.Action(type="reconsider"):
-                participant.reconsider()
             case m.Answer():
                 participant.answer(message.step, message.values)
             # Ratings have no step id: the number of the recorded run tells a second click from the next rating.
@@ -291,14 +289,9 @@ class ParticipantSession:
             case m.Action(type="rest"):
                 if participant.rating is not None:
                     participant.rating.take_break()
-            # The page offers it in a preview only, but anybody can send it.
-            case m.StepAction(type="skip"):
-                if not self._is_preview:
-                    raise ValueError("steps can be skipped in a preview only")
-                participant.skip(message.step)
             # Taking back is possible after the run, from another step, too.
-            case m.Action(type="undo"):
-                participant.undo()
+            case m.Action(type=("reconsider" | "undo") as action):
+                getattr(participant, action)()
             case m.RunAction() | m.Keep():
                 session = self.driven_run
                 if session is not None and message.run == self.run:  # else a second click: that run is over
@@ -311,12 +304,8 @@ class ParticipantSession:
                 participant.keep(message.label)
             case m.RunAction(type="stop"):
                 session.stop()
-            case m.RunAction(type="finish_practice"):
-                participant.finish_practice()
-            case m.RunAction(type="discard"):
-                participant.discard()
-            case m.RunAction(type="redo"):
-                participant.redo()
+            case m.RunAction(type=("finish_practice" | "discard" | "redo") as action):
+                getattr(participant, action)()
             case m.RunAction():  # `pause`: the view, which is the answer, pauses the run
                 pass
 

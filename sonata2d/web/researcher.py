@@ -136,24 +136,12 @@ class Researcher:
             agreement = agreement_of([rating for rating in ratings if rating.spec == spec], spec)
             repeated = [rater for rater in agreement.within if rater.same is not None]
             count = sum(rater.repeats for rater in repeated)
-            blocks.append(
-                {
-                    "name": block.name,
-                    "question": spec.question,
-                    "raters": len(agreement.raters),
-                    "ratings": agreement.ratings,
-                    "shared": agreement.shared,
-                    "measure": agreement.measure,
-                    "alpha": agreement.alpha,
-                    "repeats": count,
-                    "same": sum((rater.same or 0.0) * rater.repeats for rater in repeated) / count if count else None,
-                    "disputed": [
-                        {
-                            "file": run.file,
-                            "labels": {rater: spec.in_words(label) for rater, label in run.labels.items()},
-                        }
-                        for run in agreement.disputed[:_MOST_DISPUTED]
-                    ],
-                }
-            )
+            same = sum((rater.same or 0.0) * rater.repeats for rater in repeated) / count if count else None
+            disputed = [
+                {"file": run.file, "labels": {rater: spec.in_words(label) for rater, label in run.labels.items()}}
+                for run in agreement.disputed[:_MOST_DISPUTED]
+            ]
+            facts = {name: getattr(agreement, name) for name in ("ratings", "shared", "measure", "alpha")}
+            facts |= {"name": block.name, "question": spec.question, "raters": len(agreement.raters)}
+            blocks.append(facts | {"repeats": count, "same": same, "disputed": disputed})
         return {"type": "agreement", "blocks": blocks}

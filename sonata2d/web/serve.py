@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import socket
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -140,15 +140,11 @@ def _listener(host: str, port: int) -> socket.socket:
         ConfigError: the address cannot be used.
     """
     try:
-        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        with ExitStack() as on_failure:
-            listener = on_failure.enter_context(socket.socket(family, kind, protocol))
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            listener.bind(address)
-            listener.listen()  # from now on, connections wait until the server answers
-            on_failure.pop_all()
+        family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        is_dual = family == socket.AF_INET6 and socket.has_dualstack_ipv6()
+        # From now on, connections wait until the server answers.
+        return socket.create_server(address, family=family, dualstack_ipv6=is_dual)
     except OSError as error:
         raise ConfigError(
             f"{host}, port {port}, cannot be used: {error.strerror or error}; choose another --host or --port"
         ) from None
-    return listener

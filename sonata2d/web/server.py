@@ -43,17 +43,13 @@ T = TypeVar("T")
 MAPPINGS = dict(DEFAULT_MAPPINGS) | {
     "touch": DeviceMapping(DEFAULT_MAPPINGS["mouse"].controls, DEFAULT_MAPPINGS["mouse"].dead_zone)
 }
-_TAKEN_OVER, _OCCUPIED, _UNKNOWN, _TOO_MANY_MISTAKES, _FULL = (
-    4001,
-    4002,
-    4003,
-    4004,
-    4005,
-)  # codes of closed web sockets
+# Codes of closed web sockets; `connection.js` knows them.
+_TAKEN_OVER, _OCCUPIED, _UNKNOWN, _TOO_MANY_MISTAKES, _FULL = range(4001, 4006)
 _MAX_MISTAKES = 20  # messages of one connection that cannot be read
 _AWAY_S, _SWEEP_S = 600.0, 60.0  # time without a page, after which a session is closed; time between two checks of it
 _IDLE_S = 900.0  # time without a message, after which a connection is closed
 _SEND_TIMEOUT_S = 30.0  # in which a page has to receive an answer
+_NO_STORE = {"Cache-Control": "no-store"}
 _STATIC = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 _HEADERS = {
     "Content-Security-Policy": (
@@ -140,7 +136,7 @@ class StudyServer:
         token = await run_in_threadpool(self.new_participant, self.folder.study.config.participants)
         if token is None:
             return self._message(request, 403, title="web.full_title", text="web.full_study")
-        return RedirectResponse(f"../s/{token}", 303, headers={"Cache-Control": "no-store"})
+        return RedirectResponse(f"../s/{token}", 303, headers=_NO_STORE)
 
     def _message(
         self, request: Request, status: int = 200, *, title: str = "", text: str = "", button: str = ""
@@ -307,12 +303,8 @@ class StudyServer:
         except Sonata2dError as error:
             return Response(str(error), 500, media_type="text/plain")
         name = f"{self.folder.out.resolve().name}{'-personal' if personal else ''}.zip"
-        return FileResponse(
-            file,
-            filename=name,
-            headers={"Cache-Control": "no-store"},
-            background=BackgroundTask(file.unlink, missing_ok=True),
-        )
+        deletion = BackgroundTask(file.unlink, missing_ok=True)
+        return FileResponse(file, filename=name, headers=_NO_STORE, background=deletion)
 
     @asynccontextmanager
     async def _lifespan(self, app: Starlette) -> AsyncIterator[None]:
@@ -441,7 +433,7 @@ async def _received(socket: WebSocket) -> str | bytes:
 
 
 def _page(name: str, status: int = 200, **values: Any) -> Response:
-    return HTMLResponse(_templates().get_template(name).render(**values), status, headers={"Cache-Control": "no-store"})
+    return HTMLResponse(_templates().get_template(name).render(**values), status, headers=_NO_STORE)
 
 
 @cache

@@ -131,7 +131,6 @@ class CollectScreen(Screen):
         self._notice, self._notice_left, self._has_answer = "", 0.0, False
         self.overlay = Overlay(session, runs, devices.profiles, self._hidden)
         self._following: Screen | None = self
-        self._stage: Stage
         self._begin_scene()
         if session.recovered is not None or session.notice:
             self._notice, self._notice_left = session.notice or _recovered_notice(session), 3 * _NOTICE_SECONDS
@@ -200,10 +199,8 @@ class CollectScreen(Screen):
         """The latest notice while it is shown, a problem of the journal, or a hint for the present state."""
         if self._notice_left > 0.0:
             return self._notice
-        state = self.session.state
-        return self.session.journal_error or (
-            "" if self.overlay.covers or state not in ("paused", "waiting") else text(f"notice.{state}")
-        )
+        has_hint = self.session.state in ("paused", "waiting") and not self.overlay.covers
+        return self.session.journal_error or (text(f"notice.{self.session.state}") if has_hint else "")
 
     # Actions
 

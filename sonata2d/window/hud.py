@@ -185,13 +185,7 @@ def free_area(surface: pygame.Surface, hud: Hud, *, scale: float) -> pygame.Rect
 
 
 def draw_hud(
-    surface: pygame.Surface,
-    hud: Hud,
-    snapshot: Snapshot,
-    camera: Camera,
-    *,
-    scale: float = 1.0,
-    origin: tuple[int, int] = (0, 0),
+    surface: pygame.Surface, hud: Hud, snapshot: Snapshot, camera: Camera, *, scale: float, origin: Point = (0, 0)
 ) -> None:
     """Draw all readings over a finished picture.
 
@@ -363,8 +357,7 @@ def _draw_goal_distance(pen: _Pen, snapshot: Snapshot, camera: Camera, picture: 
         angle = math.atan2(y - middle[1], x - middle[0])
         c, s = math.cos(angle), math.sin(angle)
         radius = min(  # from the middle to the edge of the free part
-            (free.width / 2 - margin) / max(abs(c), 1e-9),
-            (free.height / 2 - margin) / max(abs(s), 1e-9),
+            (free.width / 2 - margin) / max(abs(c), 1e-9), (free.height / 2 - margin) / max(abs(s), 1e-9)
         )
         tip = middle[0] + radius * c, middle[1] + radius * s
         pen.arrow(tip, angle, size, shaded(GOAL, 0.35))

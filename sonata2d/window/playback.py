@@ -156,13 +156,7 @@ class Timeline:
     """
 
     def __init__(
-        self,
-        player: Player,
-        box: pygame.Rect,
-        *,
-        scale: float = 1.0,
-        draggable: bool = True,
-        show_contacts: bool = True,
+        self, player: Player, box: pygame.Rect, *, scale: float, draggable: bool = True, show_contacts: bool = True
     ) -> None:
         self.player, self.box, self.draggable, self._unit = player, box, draggable, scale
         self._marks = player.contacts() if show_contacts else []

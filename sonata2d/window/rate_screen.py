@@ -55,10 +55,6 @@ class RateScreen(Screen):
         timeline: of the run; can be dragged after the run was watched.
     """
 
-    player: Player
-    picture: pygame.Rect
-    timeline: Timeline
-
     def __init__(self, session: RatingSession, *, view: View = "top", context: str | None = None) -> None:
         self.session, self._context, self._spec = session, context or "", session.spec
         self.phase: _Phase = "start"

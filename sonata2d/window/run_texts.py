@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from ..collect.texts import text
-from ..core.devices import DeviceEvent
 from ..core.labels import LabelSpec
 from ..core.scene import Scene
 from ..core.snapshot import Contact, Snapshot
@@ -25,16 +24,12 @@ def frame_summary(record: EpisodeRecord, snapshot: Snapshot, index: int) -> list
     texts = []
     if index < len(record) and "robot" not in snapshot.scene.unmeasured:
         vx, vy, omega = (f"{value:+.2f}" for value in record.command[index].tolist())
-        is_sideways = bool(record.command[index, 1])
-        texts.append(
-            text("player.command_sideways", ahead=vx, left=vy, turn=omega)
-            if is_sideways
-            else text("player.command", ahead=vx, turn=omega)
-        )
+        key = "player.command_sideways" if record.command[index, 1] else "player.command"
+        texts.append(text(key, ahead=vx, left=vy, turn=omega))
     if snapshot.robot.guarded:
         texts.append(text("player.guarded"))
     texts += [_contact_text(contact, snapshot.scene) for contact in snapshot.contacts]
-    return texts + [_event_text(event) for event in snapshot.events]
+    return texts + [f"{event.device} {event.control} {event.value:g}" for event in snapshot.events]
 
 
 def frame_label(record: EpisodeRecord, index: int) -> str:
@@ -47,15 +42,13 @@ def frame_label(record: EpisodeRecord, index: int) -> str:
 def run_summary(record: EpisodeRecord) -> list[tuple[str, str]]:
     """Keys of names (`player.…`) and values that describe the whole run; absent values are left out."""
     outcome, spec = record.outcome, record.label_spec
+    ended = text("player.outcome_value", status=outcome.status, reason=outcome.reason, time=f"{outcome.time:.1f}")
     entries = [
         ("file", record.path.name),
         ("scenario", text("player.scenario_value", name=record.family, seed=record.seed, episode=record.episode)),
         ("driven_by", record.controller_info.path),
         ("contributor", record.contributor or ""),
-        (
-            "outcome",
-            text("player.outcome_value", status=outcome.status, reason=outcome.reason, time=f"{outcome.time:.1f}"),
-        ),
+        ("outcome", ended),
         ("question", spec.question),
         ("label", "" if record.label is None else _label_text(record.label, spec)),
         ("context", record.context or ""),
@@ -84,10 +77,6 @@ def _contact_text(contact: Contact, scene: Scene) -> str:
     if fault is None:
         return text("player.touches", what=name, number=contact.id)
     return text("player.touches_fault", what=name, number=contact.id, fault=text(f"player.fault_{fault}"))
-
-
-def _event_text(event: DeviceEvent) -> str:
-    return f"{event.device} {event.control} {event.value:g}"
 
 
 def _value_text(value: Any, spec: LabelSpec | None) -> str:

@@ -14,7 +14,6 @@ from ..collect.texts import text
 from ..core.devices import View
 from ..errors import RecordError, RenderError
 from ..record.reader import read_episode
-from ..record.record import EpisodeRecord
 from ..view.layers import Layers
 from ..view.stills import save_moment
 from ..view.trails import Trails
@@ -311,8 +310,6 @@ class _Playlist:
     Raises:
         RecordError: none of the files can be read; the error of the last one.
     """
-
-    record: EpisodeRecord
 
     def __init__(self, paths: Sequence[Path]) -> None:
         self._paths, self.index = list(paths), -1

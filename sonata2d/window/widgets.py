@@ -276,13 +276,7 @@ class Scale:
     """
 
     def __init__(
-        self,
-        box: pygame.Rect,
-        ends: tuple[str, str],
-        *,
-        scale: float = 1.0,
-        value: float | None = None,
-        shows_value: bool = True,
+        self, box: pygame.Rect, ends: tuple[str, str], *, scale: float, value: float | None, shows_value: bool = True
     ) -> None:
         self.box, self.value, self._unit, self._shows_value = box, value, scale, shows_value
         self._size = text_size(TEXT, scale)

@@ -22,6 +22,7 @@ from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Frame, Snapshot
 from sonata2d.datasets.check.replay import check_replay, check_rerun
+from sonata2d.errors import ControllerError
 from sonata2d.record.reader import read_episode
 from sonata2d.sim.episode import Episode
 
@@ -153,7 +154,7 @@ def test_invalid_parameters_are_rejected(invalid: dict[str, float]) -> None:
 
 
 def test_a_recorded_inner_controller_that_is_not_a_controller_is_rejected() -> None:
-    with pytest.raises(ValueError, match="math:inf is not a Controller class"):
+    with pytest.raises(ControllerError, match="math:inf is not a Controller class"):
         HumanLike.from_settings({"inner": {"path": "math:inf", "version": None, "settings": {}}})
 
 

@@ -43,7 +43,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def class_names(controller: object) -> list[str]:
     """The names of the classes, driver first."""
     if isinstance(controller, Labelled):
-        return [*class_names(controller._driver), *class_names(controller._labeller)]
+        return [*class_names(controller.driver), *class_names(controller.labeller)]
     return [type(controller).__name__]
 
 

@@ -119,7 +119,7 @@ def test_moussaid2009_head_on_encounters_are_evaded_to_the_biased_side(side: flo
 
 def test_moussaid2010_separated_members_close_up_and_wait() -> None:
     walkers = agents([[0.0, 0.0], [-2.0, 0.0], [5.0, 5.0]], [[1.0, 0.0]] * 3, group=2)
-    found = [moussaid2009.group_acceleration(walkers, i, moussaid2009.GROUP_PARAMETERS) for i in range(3)]
+    found = [moussaid2009.group_acceleration(walkers, i, MOUSSAID.group) for i in range(3)]
     assert found[0][0] == pytest.approx(-4.0 - 3.0)  # brakes for the member behind, and is pulled back
     assert found[1][0] == pytest.approx(3.0)
     assert found[2] == (0.0, 0.0)

@@ -106,4 +106,4 @@ def test_help_says_how_controllers_are_named(sonata2d: Run) -> None:
 
 
 def test_controllers_list_contains_the_learned_one(sonata2d: Run) -> None:
-    assert "graph-policy" in {row["name"] for row in json.loads(sonata2d("controllers list --json").output)}
+    assert "graph-policy" in {row["name"] for row in json.loads(sonata2d("controllers --json").output)}

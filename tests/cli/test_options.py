@@ -127,7 +127,3 @@ def test_a_reader_that_has_ended_gives_the_code_of_a_broken_pipe(here: Path) -> 
     done = subprocess.run([sys.executable, "-m", "sonata2d_cli", *words], stdout=write_end, stderr=subprocess.PIPE)
     os.close(write_end)
     assert (done.returncode, done.stderr) == (141, b"")
-
-
-def test_controllers_without_a_command_lists_them(sonata2d: Run) -> None:
-    assert sonata2d("controllers").output == sonata2d("controllers list").output

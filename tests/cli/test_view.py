@@ -88,8 +88,8 @@ def test_describe_shows_the_agreement_of_raters(sonata2d: Run, out: str, here: P
     tree = json.loads(sonata2d(f"describe {out} --json").output)
     assert tree["episodes"] == "3 of 3"
     (question,) = tree["ratings"]
-    assert (question["raters"], question["ratings"], question["runs_rated_by_two_or_more"]) == (["ann", "ben"], 6, 3)
-    assert question["between_raters"]["value"] == pytest.approx(6 / 7)
+    assert (question["raters"], question["ratings"], question["shared"]) == (["ann", "ben"], 6, 3)
+    assert question["alpha"] == pytest.approx(6 / 7)
     assert "no problems" in sonata2d(f"check {out} --workers 1").output
 
 

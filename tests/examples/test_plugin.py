@@ -144,7 +144,7 @@ def test_a_broken_plug_in_is_named_and_skipped(installed: dict[str, str], tmp_pa
     points = "[sonata2d.controllers]\nlost = no_such_module:Lost\norca = no_such_module:Orca\n"
     (broken / "entry_points.txt").write_text(points + "[sonata2d.metrics]\nwrong = math:pi\n")
     env = installed | {"PYTHONPATH": os.pathsep.join([installed["PYTHONPATH"], str(tmp_path)])}
-    done = sonata2d(["controllers", "list"], env, tmp_path)
+    done = sonata2d(["controllers"], env, tmp_path)
     assert done.returncode == 0
     assert "cautious" in done.stdout
     assert "lost" not in done.stdout

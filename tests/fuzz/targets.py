@@ -198,7 +198,7 @@ LINES = (
     "describe set", "check set --workers 1", "render set/000000.json -o x.svg", "export set --to csv -o new",
     "import set/000000.json --from sonata -o new", "mirror set -o new", "split set --parts train=.5,test=.5 --seed 1",
     "merge set other -o new", "card set --licence mit", "scenarios show sonata-2020",
-    "scenarios draw sonata-2020 --scenes 1 -o x.png", "controllers list", "evaluate set --workers 1 --no-rerun --resamples 100",
+    "scenarios draw sonata-2020 --scenes 1 -o x.png", "controllers", "evaluate set --workers 1 --no-rerun --resamples 100",
     "evaluate set --metric all --no-rerun --workers 1 --resamples 100", "generate set --resume --episodes 1 --workers 1",
     "check set/000000.json --rerun --controller social-planner --workers 1", "scenarios from-tracks set/000000.json -o x.yaml",
 )  # fmt: skip

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
-from importlib import import_module
 from typing import Any, Self
 
 from ...core.entities import Robot
@@ -16,13 +15,14 @@ from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...core.wording import shown
 from .base import Answer, Controller, recorded_path
+from .loading import find_controller
 from .planner import SocialPlanner
 
-NOISE_FLOOR = 0.1  # noise at zero command, as a fraction of the noise at full command
-NOISE_TIME = 0.5  # s, correlation time of the noise
-RECORDED_SETTINGS = ("delay", "lag", "noise", "labels_intention")
+_NOISE_FLOOR = 0.1  # noise at zero command, as a fraction of the noise at full command
+_NOISE_TIME = 0.5  # s, correlation time of the noise
+_RECORDED_SETTINGS = ("delay", "lag", "noise", "labels_intention")
 # Recorded in files: do not change the text.
-INTENTION_MEANING = "the label is [vx, vy, omega], the twist intended at that look: without delay, lag and noise"
+_INTENTION_MEANING = "the label is [vx, vy, omega], the twist intended at that look: without delay, lag and noise"
 Vector3 = tuple[float, float, float]
 
 
@@ -70,13 +70,13 @@ class HumanLike(Controller):
         self.delay, self.lag, self.noise, self.labels_intention = delay, lag, noise, labels_intention
         self._inner = inner or SocialPlanner()
         self.image, self.deterministic = self._inner.image, self._inner.deterministic
-        self.labels = {"intention": INTENTION_MEANING} if labels_intention else self._inner.labels
+        self.labels = {"intention": _INTENTION_MEANING} if labels_intention else self._inner.labels
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
         """Reconstruct a recorded controller together with its inner controller."""
         controller = cls()
-        recorded = {name: settings.get(name, getattr(controller, name)) for name in RECORDED_SETTINGS}
+        recorded = {name: settings.get(name, getattr(controller, name)) for name in _RECORDED_SETTINGS}
         # A subclass may take other arguments, so the recorded ones are passed to this class's initialiser.
         HumanLike.__init__(controller, _inner_from_settings(settings, controller._inner), **recorded)
         return controller
@@ -89,7 +89,7 @@ class HumanLike(Controller):
         self._inner.reset(scene)
         self._rng = RandomStream(scene.seed, scene.episode, "controller")
         self._side, dt = float(scene.rules.side), scene.rules.dt
-        self._lag_gain, self._noise_decay = 1.0 - _decay(dt, self.lag), _decay(dt, NOISE_TIME)
+        self._lag_gain, self._noise_decay = 1.0 - _decay(dt, self.lag), _decay(dt, _NOISE_TIME)
         self._delayed: deque[Twist] = deque(maxlen=int(self.delay / dt + 0.5) + 1)
         self._output: Twist | None = None
         self._noise_state: Vector3 = (0.0, 0.0, 0.0)
@@ -103,10 +103,10 @@ class HumanLike(Controller):
             self._output = robot.executed
             self._delayed.extend([robot.executed] * (self._delayed.maxlen or 0))
         self._delayed.append(intention)
-        command = clip_to_limits(self._delayed[0], robot.body)
+        command = _clip_to_limits(self._delayed[0], robot.body)
         vx, vy, omega = self._noise(command, robot.body)
         noisy = Twist(command.vx + vx, command.vy + vy, command.omega + omega)
-        self._output = clip_to_limits(_interpolate(self._output, noisy, self._lag_gain), robot.body)
+        self._output = _clip_to_limits(_interpolate(self._output, noisy, self._lag_gain), robot.body)
         return self._output
 
     def label(self, snapshot: Snapshot, twist: Twist) -> Any:
@@ -125,11 +125,11 @@ class HumanLike(Controller):
         ahead = limits.ahead if command.vx >= 0.0 else limits.back
         x, y, turn = command.vx / ahead, command.vy / limits.sideways, command.omega / limits.turn
         fraction = min(math.sqrt(x * x + y * y + turn * turn), 1.0)  # of full command
-        size = self.noise * (NOISE_FLOOR + (1.0 - NOISE_FLOOR) * fraction)
+        size = self.noise * (_NOISE_FLOOR + (1.0 - _NOISE_FLOOR) * fraction)
         return size * limits.ahead * a, size * limits.sideways * b * self._side, size * limits.turn * c * self._side
 
 
-def clip_to_limits(twist: Twist, robot: Robot) -> Twist:
+def _clip_to_limits(twist: Twist, robot: Robot) -> Twist:
     """Clip a twist to the robot's velocity limits; the sideways limit of a unicycle is 0."""
     limits, sideways = robot.limits, robot.sideways_limit
     return Twist(
@@ -157,23 +157,14 @@ def _inner_from_settings(settings: Mapping[str, Any], default: Controller) -> Co
     """Reconstruct the inner controller from recorded settings.
 
     Args:
-        settings: of a `HumanLike`.
-        default: returned if the settings name no inner controller; also gives the class if the path is its own.
+        settings: of the outer controller.
+        default: its inner controller if none is recorded.
 
     Raises:
-        ValueError: the recorded path is not the path of a `Controller` class.
+        ControllerError: the recorded class cannot be imported, or is not a controller.
     """
     recorded = settings.get("inner")
     if recorded is None:
         return default
-    controller_class: Any = type(default)
-    if recorded["path"] != recorded_path(controller_class):
-        module, _, name = str(recorded["path"]).partition(":")
-        controller_class = getattr(import_module(module), name, None)
-        if not (isinstance(controller_class, type) and issubclass(controller_class, Controller)):
-            raise ValueError(
-                f"the recorded inner controller {recorded['path']} is not a Controller class that can be imported; "
-                "define it at the top level of a module"
-            )
-    inner: Controller = controller_class.from_settings(recorded["settings"])
-    return inner
+    is_default = recorded["path"] == recorded_path(type(default))
+    return (type(default) if is_default else find_controller(recorded["path"])).from_settings(recorded["settings"])

@@ -37,23 +37,13 @@ class Labelled(Controller):
                 f"{type(labeller).__name__} requests a camera image, which a labeller does not receive; "
                 "use it as the driver, or choose another labeller"
             )
-        self._driver, self._labeller = driver, labeller
+        self.driver, self.labeller = driver, labeller
         self.image, self.deterministic = driver.image, driver.deterministic and labeller.deterministic
         # Recorded in files: do not change the text.
         meaning = (
             f"[vx, vy, omega] that {type(labeller).__name__} would have asked for here; body frame, m/s, m/s, rad/s"
         )
         self.labels = {"twist": meaning}
-
-    @property
-    def driver(self) -> Controller:
-        """The controller whose command is executed."""
-        return self._driver
-
-    @property
-    def labeller(self) -> Controller:
-        """The controller whose command is recorded as the label."""
-        return self._labeller
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
@@ -68,17 +58,17 @@ class Labelled(Controller):
         )
 
     def settings(self) -> Mapping[str, Any]:
-        return {"driver": dict(self._driver.settings()), "labeller": dict(self._labeller.settings())}
+        return {"driver": dict(self.driver.settings()), "labeller": dict(self.labeller.settings())}
 
     def reset(self, scene: Scene) -> None:
-        self._driver.reset(scene)
-        self._labeller.reset(scene)
+        self.driver.reset(scene)
+        self.labeller.reset(scene)
 
     def act(self, snapshot: Snapshot) -> Answer:
-        answer = self._driver.act(snapshot)
-        self._label = self._label_of(self._labeller.act(snapshot))
+        answer = self.driver.act(snapshot)
+        self._label = self._label_of(self.labeller.act(snapshot))
         if isinstance(answer, Twist):
-            self._labeller.command_overridden(answer)
+            self.labeller.command_overridden(answer)
         return answer
 
     def label(self, snapshot: Snapshot, twist: Twist) -> Any:
@@ -91,6 +81,6 @@ class Labelled(Controller):
         try:
             twist = answer.rounded()
         except (AttributeError, ValueError, OverflowError):  # not a Twist, or not finite
-            name = type(self._labeller).__name__
+            name = type(self.labeller).__name__
             raise ControllerError(f"{name}.act must return a Twist of finite numbers, got {answer!r}") from None
         return [twist.vx, twist.vy, twist.omega]

@@ -13,8 +13,7 @@ import pickle
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -33,8 +32,8 @@ from ...registry import CONTROLLERS, resolve
 from .base import Controller, recorded_path
 from .labelled import Labelled
 
-WEIGHTS_SUFFIX = ".npz"
-POLICY_SUFFIXES = (WEIGHTS_SUFFIX, ".onnx")
+_WEIGHTS_SUFFIX = ".npz"
+_POLICY_SUFFIXES = (_WEIGHTS_SUFFIX, ".onnx")
 _GYM_POLICY = "sonata2d.gym.policy:PolicyController"
 
 
@@ -55,9 +54,12 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
     driver_name, labeller_name = _split_pair(name)
     if labeller_name:
         recorded = settings or {}
-        with _noting_pair(name):
+        try:
             driver = load_controller(driver_name, recorded.get("driver"))
             labeller = load_controller(labeller_name, recorded.get("labeller"))
+        except ControllerError as error:
+            error.add_note(f"in {name!r}, which is driver+labeller")
+            raise
         if isinstance(driver, Labelled) or isinstance(labeller, Labelled):
             raise ControllerError(f"{name} names more than two controllers; give one driver and one labeller")
         return Labelled(driver, labeller)
@@ -66,7 +68,7 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
             f"{name} does not say what the policy observes; if it is a model of Stable-Baselines3, write it with "
             "sonata2d.gym.save_policy as .npz or .onnx"
         )
-    if name.endswith(POLICY_SUFFIXES):
+    if name.endswith(_POLICY_SUFFIXES):
         policy: Any = _policy_class(Path(name))
         learned: Controller = policy(name) if settings is None else policy.from_settings(settings, weights=name)
         return learned
@@ -87,7 +89,7 @@ def _created(controller_class: type[Controller], name: str, settings: Mapping[st
 
 def _policy_class(path: Path) -> Any:
     """The class of controllers that drive with the policy of a file."""
-    if path.suffix == WEIGHTS_SUFFIX and not _is_perceptron(path):
+    if path.suffix == _WEIGHTS_SUFFIX and not _is_perceptron(path):
         return CONTROLLERS.load("graph-policy")
     try:
         return resolve(_GYM_POLICY)
@@ -125,7 +127,7 @@ class ControllerSource:
                 "a controller is a name, a class derived from sonata2d.Controller or an object of one, got "
                 f"{shown(controller)}"
             )
-        self._given: Any = controller
+        self._controller: Any = controller
         self._pickled = b""
         self._files: dict[str, bytes] = {}
         if isinstance(controller, str):
@@ -139,17 +141,17 @@ class ControllerSource:
         Raises:
             ControllerError: it cannot be created, or its class is not known in this process.
         """
-        if self._given is None:
+        if self._controller is None:
             try:
-                self._given = pickle.loads(self._pickled)
+                self._controller = pickle.loads(self._pickled)
             except Exception as error:  # whatever the classes of the object do
                 raise ControllerError(f"{self.name} is unknown in another process: {described(error)}") from error
-        if isinstance(self._given, str):
-            self._given = self._with_copies(self._given)
-            return load_controller(self._given)
-        if isinstance(self._given, type):
-            return _created(self._given, self.name)
-        controller: Controller = self._given
+        if isinstance(self._controller, str):
+            self._controller = self._with_copies(self._controller)
+            return load_controller(self._controller)
+        if isinstance(self._controller, type):
+            return _created(self._controller, self.name)
+        controller: Controller = self._controller
         return controller
 
     def _with_copies(self, name: str) -> str:
@@ -168,17 +170,17 @@ class ControllerSource:
         """State for other processes; classes of a notebook or script, and files, are sent with their content."""
         if not self._pickled:
             try:
-                self._pickled = cloudpickle.dumps(self._given)
+                self._pickled = cloudpickle.dumps(self._controller)
             except Exception as error:  # whatever the classes of the object do
                 raise ControllerError(
                     f"{self.name} cannot be sent to other processes: {described(error)}; use one worker"
                 ) from error
         files = {}
-        for part in _split_pair(self.name) if isinstance(self._given, str) else ():
+        for part in _split_pair(self.name) if isinstance(self._controller, str) else ():
             place = next((file for file in (part, part.rpartition(":")[0]) if file and os.path.isfile(file)), None)
             if place is not None:
                 files[place] = Path(place).read_bytes()
-        return {"name": self.name, "_pickled": self._pickled, "_given": None, "_files": files or self._files}
+        return {"name": self.name, "_pickled": self._pickled, "_controller": None, "_files": files or self._files}
 
 
 @cache
@@ -274,16 +276,6 @@ def _is_file(name: str) -> bool:
     return os.path.isfile(name) or (os.path.isfile(path) and "+" not in attribute)
 
 
-@contextmanager
-def _noting_pair(name: str) -> Iterator[None]:
-    """Add the name of the whole pair to errors about one of its controllers."""
-    try:
-        yield
-    except ControllerError as error:
-        error.add_note(f"in {name!r}, which is driver+labeller")
-        raise
-
-
 def _find_plugin(name: str) -> type[Controller]:
     if name not in CONTROLLERS:
         message = CONTROLLERS.unknown(name)
@@ -349,8 +341,8 @@ def _only_class(module: ModuleType, name: str) -> type[Controller]:
             raise ControllerError(f"{name}:{kinds[0].__name__} {problem}")
         names = ", ".join(kind.__name__ for kind in classes) or "no Controller class"
         raise ControllerError(f"{name} defines {names}; name one Controller class, as in {name}:Name")
-    found_class: type[Controller] = classes[0]
-    return found_class
+    controller_class: type[Controller] = classes[0]
+    return controller_class
 
 
 def _problem(item: object) -> str | None:

@@ -21,17 +21,17 @@ from ...core.snapshot import Snapshot
 from .base import Controller
 
 CELL = 0.1  # m
-BLOCKED = 40.0  # price per metre where the robot does not fit; 1 is open ground
+_BLOCKED = 40.0  # price per metre where the robot does not fit; 1 is open ground
 _MAXIMUM_SWEEPS = 2000
 _UNREACHED = 1e6  # initial cost of each cell
-PRICE, VALUE, CLEARANCE = range(3)  # layers of a cost field
+_PRICE, _VALUE, _CLEARANCE = range(3)  # layers of a cost field
 
 
 class CostField:
     """The cost of the cheapest path to the goal, on a grid over the room.
 
     A metre of open ground costs 1. The price per metre is higher near walls and furniture, in the intimate and personal
-    space of standing people and between people who interact; it is `BLOCKED` where the robot does not fit.
+    space of standing people and between people who interact; it is `_BLOCKED` where the robot does not fit.
 
     Args:
         scene: gives the room, furniture, standing people, interactions, goal and the robot's radius.
@@ -51,13 +51,13 @@ class CostField:
         self.low, high = scene.outline.min(axis=0) - CELL, scene.outline.max(axis=0) + CELL
         nx, ny = (int(n) + 1 for n in (high - self.low) / CELL)
         self.layers = np.empty((3, nx, ny))
-        self.price, self.value, self.clearance = self.layers[PRICE], self.layers[VALUE], self.layers[CLEARANCE]
-        obstacles = scene.barriers.table, scene.standing_humans.table, interaction_spaces(scene).table
+        self.price, self.value, self.clearance = self.layers[_PRICE], self.layers[_VALUE], self.layers[_CLEARANCE]
+        obstacles = scene.barriers.table, scene.standing_humans.table, _interaction_spaces(scene).table
         goal = float(scene.goal.x), float(scene.goal.y)
         _fill_field(self.layers, self.low, scene.outline, *obstacles, float(scene.robot.radius), *goal)
 
 
-def interaction_spaces(scene: Scene) -> Barriers:
+def _interaction_spaces(scene: Scene) -> Barriers:
     """Lines of attention between standing people, and between people and objects, that others should not cross."""
     position = {h.id: h.pose.position for h in scene.humans} | {f.id: f.pose.position for f in scene.furniture}
     lines = ((i, RELATION[i.relation].line_radius) for i in scene.interactions)
@@ -84,7 +84,7 @@ def _fill_field(
     people, lines, inside = np.empty(ny), np.empty(ny), np.empty(ny, dtype=np.bool_)
     for i in range(nx):
         x = low[X] + CELL * i
-        walls = layers[CLEARANCE, i]
+        walls = layers[_CLEARANCE, i]
         _nearest_gaps(barriers, x, low[Y], reach, walls)
         _nearest_gaps(standing, x, low[Y], reach, people)
         _nearest_gaps(between, x, low[Y], reach, lines)
@@ -96,9 +96,9 @@ def _fill_field(
             price += 1.0 * max(1.0 - max(to_person, 0.0) / PERSONAL_DISTANCE, 0.0)
             price += 4.0 if lines[j] < radius else 0.0
             fits = inside[j] and to_wall >= -0.01 and to_person >= 0.02
-            layers[PRICE, i, j] = min(price, BLOCKED) if fits else BLOCKED
+            layers[_PRICE, i, j] = min(price, _BLOCKED) if fits else _BLOCKED
     goal_i, goal_j = int((goal_x - low[X]) / CELL + 0.5), int((goal_y - low[Y]) / CELL + 0.5)
-    _solve(layers[PRICE], layers[VALUE], goal_i, goal_j)
+    _solve(layers[_PRICE], layers[_VALUE], goal_i, goal_j)
 
 
 @subroutine
@@ -200,14 +200,14 @@ def _solve(price: Array, value: Array, goal_i: int, goal_j: int) -> None:
             value[i, j] = cost[(i + 1) * width + j + 1]
 
 
-HORIZON, STEP = 2.4, 0.2  # s, duration and time step of the prediction
-STEPS = int(HORIZON / STEP + 0.5)
-OBSTACLE_MARGIN = 0.02  # m to walls and furniture, below which a trajectory counts as blocked
-SLOW_SPEED, SPEED_PER_METRE = 0.2, 0.6  # m/s at contact and 1/s: proper speed near people grows with the clearance
-CONTACT_MARGIN = 0.06  # m, predicted clearance below which a contact is assumed
-NEAR_CONTACT, NEAR_CONTACT_PRICE = 0.04, 10.0  # m; below this clearance each m/s towards a person counts as 10 m short
-REACTION_TIME = 0.15  # s before braking takes effect
-IMPATIENCE = 5.0  # s without progress, after which the costs of disturbing people decrease
+_HORIZON, STEP = 2.4, 0.2  # s, duration and time step of the prediction
+STEPS = int(_HORIZON / STEP + 0.5)
+_OBSTACLE_MARGIN = 0.02  # m to walls and furniture, below which a trajectory counts as blocked
+_SLOW_SPEED, _SPEED_PER_METRE = 0.2, 0.6  # m/s at contact and 1/s: proper speed near people grows with the clearance
+_CONTACT_MARGIN = 0.06  # m, predicted clearance below which a contact is assumed
+_NEAR_CONTACT, _NEAR_CONTACT_PRICE = 0.04, 10.0  # m; below it, each m/s towards a person counts as 10 m
+_REACTION_TIME = 0.15  # s before braking takes effect
+_IMPATIENCE = 5.0  # s without progress, after which the costs of disturbing people decrease
 
 
 def _candidate_velocities(robot: Robot) -> list[Point]:
@@ -251,15 +251,15 @@ class Weights:
 
 
 # Columns of the numbers that stay the same in an episode: the weights in their order, then the robot and its task.
-AHEAD, INTIMATE, PERSONAL, HURRY, CRASH, BUMP, CLOSING, CHANGE = range(8)
-OBSTACLE_PRICE, OBSTACLE_DISTANCE, HAS_NEGATIVE_WEIGHTS = 8, 9, 10
-LOW_X, LOW_Y, GOAL_X, GOAL_Y, GOAL_DISTANCE, DT = range(11, 17)
-ROBOT_RADIUS, IS_HOLONOMIC, MAX_SPEED, ACCELERATION, TURN_ACCELERATION = range(17, 22)
+_AHEAD, _INTIMATE, _PERSONAL, _HURRY, _CRASH, _BUMP, _CLOSING, _CHANGE = range(8)
+_OBSTACLE_PRICE, _OBSTACLE_DISTANCE, HAS_NEGATIVE_WEIGHTS = 8, 9, 10
+_LOW_X, _LOW_Y, _GOAL_X, _GOAL_Y, _GOAL_DISTANCE, _DT = range(11, 17)
+_ROBOT_RADIUS, _IS_HOLONOMIC, _MAX_SPEED, _ACCELERATION, _TURN_ACCELERATION = range(17, 22)
 
 # Layers of the predicted headings (unit vectors in the middle and at the end of a step) and of the predicted velocities
 # in the body frame.
-MIDDLE_X, MIDDLE_Y, FINAL_X, FINAL_Y = range(4)
-FORWARD, LEFT, SPEED = range(3)
+_MIDDLE_X, _MIDDLE_Y, _FINAL_X, _FINAL_Y = range(4)
+_FORWARD, _LEFT, _SPEED = range(3)
 
 
 class SocialPlanner(Controller):
@@ -292,7 +292,7 @@ class SocialPlanner(Controller):
     def reset(self, scene: Scene) -> None:
         field, robot, goal, weights = CostField(scene), scene.robot, scene.goal, astuple(self._weights)
         self._layers, self._barriers = field.layers, scene.barriers.table
-        has_negative_weights = min(*weights[INTIMATE:], self.obstacle_price) < 0.0
+        has_negative_weights = min(*weights[_INTIMATE:], self.obstacle_price) < 0.0
         limits, is_holonomic = robot.limits, robot.kinematics == "holonomic"
         numbers = (
             *weights, self.obstacle_price * STEP, self.obstacle_distance, has_negative_weights,
@@ -339,7 +339,7 @@ def _cheapest(
     """The first one of the cheapest candidates.
 
     Args:
-        numbers: (22,), weights, robot and task; columns `AHEAD` to `TURN_ACCELERATION`.
+        numbers: (22,), weights, robot and task; columns `_AHEAD` to `_TURN_ACCELERATION`.
         layers: (3, NX, NY), of the cost field.
         barriers: (M, 8).
         pairs: (K, 2), indices of the velocity and of the turn rate of each candidate; the last one is the last command.
@@ -363,20 +363,20 @@ def _cheapest(
     _roll_out(positions, headings, motions, position)
     solids = _nearby_barriers(numbers, barriers, position)
     people = _nearby_people(numbers, state, radius, shoulder, position, speed)
-    far = max(PERSONAL_DISTANCE, (speed - SLOW_SPEED) / SPEED_PER_METRE) + 1e-6  # m, beyond which people cost nothing
+    far = max(PERSONAL_DISTANCE, (speed - _SLOW_SPEED) / _SPEED_PER_METRE) + 1e-6  # m, beyond which people cost nothing
     bodies, counts = _predicted_bodies(numbers, state, radius, shoulder, position, speed, far)
 
     count = len(pairs)
     end_cost, change, bound = np.empty(count), np.empty(count), np.empty(count)
     first = 0
-    dx, dy = position[0] - numbers[GOAL_X], position[1] - numbers[GOAL_Y]
-    reach = numbers[GOAL_DISTANCE] + speed * HORIZON
+    dx, dy = position[0] - numbers[_GOAL_X], position[1] - numbers[_GOAL_Y]
+    reach = numbers[_GOAL_DISTANCE] + speed * _HORIZON
     may_arrive = dx * dx + dy * dy < reach * reach
     for k in range(count):
         v, t = pairs[k, 0], pairs[k, 1]
         end_cost[k] = _end_cost(numbers, layers, positions, v, t, headings, may_arrive)
         dvx, dvy, domega = velocities[v, X] - last_vx, velocities[v, Y] - last_vy, turns[t] - last_omega
-        change[k] = numbers[CHANGE] * (abs(dvx) + abs(dvy) + 0.5 * abs(domega))
+        change[k] = numbers[_CHANGE] * (abs(dvx) + abs(dvy) + 0.5 * abs(domega))
         bound[k] = end_cost[k] - 1e-9 + change[k]  # open ground may cost slightly less than 0 by rounding
         if bound[k] < bound[first]:
             first = k
@@ -392,7 +392,7 @@ def _cheapest(
         v, t = pairs[k, 0], pairs[k, 1]
         covered, contact = _ground_cost(numbers, layers, barriers, solids, positions, v, t, motions)
         ground = end_cost[k] + courtesy * covered + contact
-        braking = numbers[CLOSING] * _shortfall(numbers, people, v, t, headings, motions, direction)
+        braking = numbers[_CLOSING] * _shortfall(numbers, people, v, t, headings, motions, direction)
         cost = ground + braking + change[k]
         disturbance, crash = 0.0, 0.0
         for step in range(STEPS):
@@ -400,9 +400,9 @@ def _cheapest(
                 break
             clearance = _clearance(bodies, counts, positions, step, v, t, far)
             if clearance < far:
-                disturbance += _disturbance(numbers, clearance, motions[SPEED, step, v])
-                if crash == 0.0 and clearance < CONTACT_MARGIN:
-                    crash = numbers[CRASH] * ((STEPS - step) / STEPS)
+                disturbance += _disturbance(numbers, clearance, motions[_SPEED, step, v])
+                if crash == 0.0 and clearance < _CONTACT_MARGIN:
+                    crash = numbers[_CRASH] * ((STEPS - step) / STEPS)
                 cost = ground + (courtesy * disturbance * STEP + (crash + braking)) + change[k]
         if cost < lowest or (cost == lowest and k < best):
             best, lowest = k, cost
@@ -422,27 +422,25 @@ def _interpolated(layers: Array, layer: int, u: float, v: float) -> float:
     u, v = u - i, v - j
     near = layers[layer, i, j] * (1.0 - v) + layers[layer, i, j + 1] * v
     far = layers[layer, i + 1, j] * (1.0 - v) + layers[layer, i + 1, j + 1] * v
-    interpolated: float = near * (1.0 - u) + far * u
-    return interpolated
+    return float(near * (1.0 - u) + far * u)
 
 
 @subroutine
 def _path_cost(numbers: Array, layers: Array, x: float, y: float) -> float:
     """Cost of the path from a point to the goal, in metres of open ground."""
     _, nx, ny = layers.shape
-    u, v = _grid_coordinate(x, numbers[LOW_X], nx), _grid_coordinate(y, numbers[LOW_Y], ny)
-    return _interpolated(layers, VALUE, u, v)
+    u, v = _grid_coordinate(x, numbers[_LOW_X], nx), _grid_coordinate(y, numbers[_LOW_Y], ny)
+    return _interpolated(layers, _VALUE, u, v)
 
 
 @subroutine
 def _courtesy(numbers: Array, layers: Array, progress: Array, tick: int, position: Point) -> float:
-    """Weight of the comfort of others: less if the robot has not come nearer to the goal for `IMPATIENCE` seconds."""
+    """Weight of the comfort of others: less if the robot has not come nearer to the goal for `_IMPATIENCE` seconds."""
     here = _path_cost(numbers, layers, position[0], position[1])
     if here < progress[0] - 0.2:
         progress[0], progress[1] = here, tick
-    overtime = max((tick - progress[1]) * numbers[DT] - IMPATIENCE, 0.0)
-    courtesy: float = 1.0 / (1.0 + overtime / IMPATIENCE)
-    return courtesy
+    overtime = max((tick - progress[1]) * numbers[_DT] - _IMPATIENCE, 0.0)
+    return float(1.0 / (1.0 + overtime / _IMPATIENCE))
 
 
 @subroutine
@@ -451,31 +449,31 @@ def _headings(numbers: Array, turns: Array, now: float, direction: Point) -> Arr
     headings = np.empty((4, STEPS, len(turns)))
     for t in range(len(turns)):
         change = turns[t] - now
-        ramp = max(abs(change) / numbers[TURN_ACCELERATION], 1e-6)  # s to reach the turn rate
+        ramp = max(abs(change) / numbers[_TURN_ACCELERATION], 1e-6)  # s to reach the turn rate
         c, s = direction
         for k in range(STEPS):
             # Midpoint rule: turn by half of the step's angle, translate, turn by the other half.
             tc, ts = rotation((now + change * min((k + 0.5) * STEP / ramp, 1.0)) * (STEP / 2))
             c, s = c * tc - s * ts, s * tc + c * ts
-            headings[MIDDLE_X, k, t], headings[MIDDLE_Y, k, t] = c, s
+            headings[_MIDDLE_X, k, t], headings[_MIDDLE_Y, k, t] = c, s
             c, s = c * tc - s * ts, s * tc + c * ts
-            headings[FINAL_X, k, t], headings[FINAL_Y, k, t] = c, s
+            headings[_FINAL_X, k, t], headings[_FINAL_Y, k, t] = c, s
     return headings
 
 
 @subroutine
 def _motions(numbers: Array, velocities: Array, now_vx: float, now_vy: float) -> tuple[Array, float]:
     """Velocities in each step under the drive's limits, (3, STEPS, V), m/s, body frame; and a bound of all speeds."""
-    sideways = now_vy if numbers[IS_HOLONOMIC] != 0.0 else 0.0
+    sideways = now_vy if numbers[_IS_HOLONOMIC] != 0.0 else 0.0
     motions, highest = np.empty((3, STEPS, len(velocities))), 0.0
     for v in range(len(velocities)):
         dvx, dvy = velocities[v, X] - now_vx, velocities[v, Y] - sideways
-        ramp = max(math.sqrt(dvx * dvx + dvy * dvy) / numbers[ACCELERATION], 1e-6)  # s to reach the velocity
+        ramp = max(math.sqrt(dvx * dvx + dvy * dvy) / numbers[_ACCELERATION], 1e-6)  # s to reach the velocity
         for k in range(STEPS):
             fraction = min((k + 0.5) * STEP / ramp, 1.0)
             vx, vy = now_vx + dvx * fraction, sideways + dvy * fraction
             speed = math.sqrt(vx * vx + vy * vy)
-            motions[FORWARD, k, v], motions[LEFT, k, v], motions[SPEED, k, v] = vx, vy, speed
+            motions[_FORWARD, k, v], motions[_LEFT, k, v], motions[_SPEED, k, v] = vx, vy, speed
             highest = max(highest, speed)
     return motions, highest + 1e-6
 
@@ -489,9 +487,9 @@ def _roll_out(positions: Array, headings: Array, motions: Array, position: Point
             positions[X, 0, t, v], positions[Y, 0, t, v] = position
     for k in range(STEPS):
         for t in range(turn_count):
-            c, s = headings[MIDDLE_X, k, t], headings[MIDDLE_Y, k, t]
+            c, s = headings[_MIDDLE_X, k, t], headings[_MIDDLE_Y, k, t]
             for v in range(count):
-                vx, vy = motions[FORWARD, k, v], motions[LEFT, k, v]
+                vx, vy = motions[_FORWARD, k, v], motions[_LEFT, k, v]
                 positions[X, k + 1, t, v] = positions[X, k, t, v] + (vx * c - vy * s) * STEP
                 positions[Y, k + 1, t, v] = positions[Y, k, t, v] + (vx * s + vy * c) * STEP
 
@@ -506,18 +504,19 @@ def _end_cost(
     """
     if may_arrive:
         for k in range(STEPS):
-            dx, dy = positions[X, k + 1, t, v] - numbers[GOAL_X], positions[Y, k + 1, t, v] - numbers[GOAL_Y]
-            if dx * dx + dy * dy < numbers[GOAL_DISTANCE] * numbers[GOAL_DISTANCE]:
+            dx, dy = positions[X, k + 1, t, v] - numbers[_GOAL_X], positions[Y, k + 1, t, v] - numbers[_GOAL_Y]
+            if dx * dx + dy * dy < numbers[_GOAL_DISTANCE] * numbers[_GOAL_DISTANCE]:
                 return (k - STEPS) / STEPS
-    x, y, distance = positions[X, STEPS, t, v], positions[Y, STEPS, t, v], numbers[AHEAD]
-    ahead_x, ahead_y = x + distance * headings[FINAL_X, STEPS - 1, t], y + distance * headings[FINAL_Y, STEPS - 1, t]
+    x, y, distance = positions[X, STEPS, t, v], positions[Y, STEPS, t, v], numbers[_AHEAD]
+    ahead_x = x + distance * headings[_FINAL_X, STEPS - 1, t]
+    ahead_y = y + distance * headings[_FINAL_Y, STEPS - 1, t]
     return 0.5 * _path_cost(numbers, layers, x, y) + 0.5 * _path_cost(numbers, layers, ahead_x, ahead_y)
 
 
 @subroutine
 def _nearby_barriers(numbers: Array, barriers: Array, position: Point) -> IntArray:
     """Indices of the barriers that the robot can reach within the horizon."""
-    reach = numbers[MAX_SPEED] * HORIZON + numbers[ROBOT_RADIUS] + 0.1
+    reach = numbers[_MAX_SPEED] * _HORIZON + numbers[_ROBOT_RADIUS] + 0.1
     near, count = np.empty(len(barriers), dtype=np.int64), 0
     for k in range(len(barriers)):
         if gap(barriers, k, position[0], position[1]) < reach:
@@ -533,19 +532,19 @@ def _ground_cost(
     """Surcharge of the ground that a trajectory covers, and cost of coming near walls and furniture."""
     _, nx, ny = layers.shape
     covered, earliness, closeness = 0.0, 0.0, 0.0
-    touching, has_price = numbers[ROBOT_RADIUS] + OBSTACLE_MARGIN, numbers[OBSTACLE_PRICE] != 0.0
+    touching, has_price = numbers[_ROBOT_RADIUS] + _OBSTACLE_MARGIN, numbers[_OBSTACLE_PRICE] != 0.0
     near = touching
     if has_price:
-        near = max(near, numbers[ROBOT_RADIUS] + numbers[OBSTACLE_DISTANCE])
+        near = max(near, numbers[_ROBOT_RADIUS] + numbers[_OBSTACLE_DISTANCE])
     for k in range(STEPS):
         x, y = positions[X, k + 1, t, v], positions[Y, k + 1, t, v]
-        i, j = _grid_coordinate(x, numbers[LOW_X], nx), _grid_coordinate(y, numbers[LOW_Y], ny)
-        covered += (_interpolated(layers, PRICE, i, j) - 1.0) * motions[SPEED, k, v]
+        i, j = _grid_coordinate(x, numbers[_LOW_X], nx), _grid_coordinate(y, numbers[_LOW_Y], ny)
+        covered += (_interpolated(layers, _PRICE, i, j) - 1.0) * motions[_SPEED, k, v]
         if earliness > 0.0 and not has_price:
             continue
         # A corner of the grid cell, less than 1.5 cells away, tells whether a barrier can be near.
         is_in_grid = 0.0 < i < nx - 1.001 and 0.0 < j < ny - 1.001
-        if is_in_grid and layers[CLEARANCE, int(i), int(j)] > near + 1.5 * CELL:
+        if is_in_grid and layers[_CLEARANCE, int(i), int(j)] > near + 1.5 * CELL:
             continue
         distance = 1e9
         for n in range(len(solids)):
@@ -553,9 +552,9 @@ def _ground_cost(
         if earliness == 0.0 and distance < touching:
             earliness = (STEPS - k) / STEPS
         if has_price:
-            clearance = distance - numbers[ROBOT_RADIUS]
-            closeness += min(max(1.0 - clearance / numbers[OBSTACLE_DISTANCE], 0.0), 1.0)
-    return covered * STEP, numbers[BUMP] * earliness + numbers[OBSTACLE_PRICE] * closeness
+            clearance = distance - numbers[_ROBOT_RADIUS]
+            closeness += min(max(1.0 - clearance / numbers[_OBSTACLE_DISTANCE], 0.0), 1.0)
+    return covered * STEP, numbers[_BUMP] * earliness + numbers[_OBSTACLE_PRICE] * closeness
 
 
 @subroutine
@@ -573,10 +572,10 @@ def _nearby_people(
         dx, dy = to_shoulder_line(dx, dy, state[j, BODY_X], state[j, BODY_Y], shoulder[j])
         distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
         nx, ny = dx / distance, dy / distance
-        space = distance - radius[j] - numbers[ROBOT_RADIUS]
+        space = distance - radius[j] - numbers[_ROBOT_RADIUS]
         approach = max(-(state[j, VX] * nx + state[j, VY] * ny), 0.0)
-        needed = _stopping_distance(numbers, speed, approach) + CONTACT_MARGIN + 1e-6
-        if space < max(needed, NEAR_CONTACT):
+        needed = _stopping_distance(numbers, speed, approach) + _CONTACT_MARGIN + 1e-6
+        if space < max(needed, _NEAR_CONTACT):
             people[count, 0], people[count, 1], people[count, 2], people[count, 3] = nx, ny, space, approach
             count += 1
     return people[:count]
@@ -585,9 +584,8 @@ def _nearby_people(
 @subroutine
 def _stopping_distance(numbers: Array, speed: float, approach: float) -> float:
     """Distance by which robot and person come nearer until the robot has stopped, m."""
-    braking_time = speed / numbers[ACCELERATION] + REACTION_TIME
-    distance: float = speed * (braking_time + REACTION_TIME) * 0.5 + approach * braking_time
-    return distance
+    braking_time = speed / numbers[_ACCELERATION] + _REACTION_TIME
+    return float(speed * (braking_time + _REACTION_TIME) * 0.5 + approach * braking_time)
 
 
 @subroutine
@@ -596,22 +594,22 @@ def _shortfall(
 ) -> float:
     """Distance by which the robot would fail to stop before people if it braked after this tick, m.
 
-    Nearer than `NEAR_CONTACT`, any approach is penalised.
+    Nearer than `_NEAR_CONTACT`, any approach is penalised.
     """
     # Velocities at the start, before the robot has turned, and in the first two steps.
     c, s = direction
     ax, ay = _to_world(motions, 0, v, c, s)
-    bx, by = _to_world(motions, 0, v, headings[MIDDLE_X, 0, t], headings[MIDDLE_Y, 0, t])
-    cx, cy = _to_world(motions, 1, v, headings[MIDDLE_X, 1, t], headings[MIDDLE_Y, 1, t])
+    bx, by = _to_world(motions, 0, v, headings[_MIDDLE_X, 0, t], headings[_MIDDLE_Y, 0, t])
+    cx, cy = _to_world(motions, 1, v, headings[_MIDDLE_X, 1, t], headings[_MIDDLE_Y, 1, t])
     total = 0.0
     for j in range(len(people)):
         nx, ny, space, approach = people[j, 0], people[j, 1], people[j, 2], people[j, 3]
         speed = max(nx * ax + ny * ay, nx * bx + ny * by, nx * cx + ny * cy, 0.0)
         shortfall = 0.0
         if speed > 0.01:
-            shortfall = max(_stopping_distance(numbers, speed, approach) - space + CONTACT_MARGIN, 0.0)
-        if space < NEAR_CONTACT:
-            shortfall += NEAR_CONTACT_PRICE * speed
+            shortfall = max(_stopping_distance(numbers, speed, approach) - space + _CONTACT_MARGIN, 0.0)
+        if space < _NEAR_CONTACT:
+            shortfall += _NEAR_CONTACT_PRICE * speed
         total += shortfall
     return total
 
@@ -619,7 +617,7 @@ def _shortfall(
 @subroutine
 def _to_world(motions: Array, step: int, v: int, c: float, s: float) -> Point:
     """The velocity in a step, turned from the body frame to the world frame, m/s."""
-    vx, vy = motions[FORWARD, step, v], motions[LEFT, step, v]
+    vx, vy = motions[_FORWARD, step, v], motions[_LEFT, step, v]
     return vx * c - vy * s, vx * s + vy * c
 
 
@@ -638,7 +636,7 @@ def _predicted_bodies(
         time = (k + 1.0) * STEP
         for j in range(len(state)):
             x, y = state[j, X] + state[j, VX] * time, state[j, Y] + state[j, VY] * time
-            touching = radius[j] + numbers[ROBOT_RADIUS]
+            touching = radius[j] + numbers[_ROBOT_RADIUS]
             dx, dy, reach = x - position[0], y - position[1], speed * time + far + touching + shoulder[j]
             if dx * dx + dy * dy < reach * reach:
                 n = counts[k]
@@ -665,8 +663,7 @@ def _clearance(bodies: Array, counts: IntArray, positions: Array, step: int, v: 
 def _disturbance(numbers: Array, clearance: float, speed: float) -> float:
     """Cost per second of coming near people and of haste near them."""
     clearance = max(clearance, 0.0)
-    cost = numbers[INTIMATE] * max(1.0 - clearance / INTIMATE_DISTANCE, 0.0)
-    cost += numbers[PERSONAL] * max(1.0 - clearance / PERSONAL_DISTANCE, 0.0)
-    haste = speed - SLOW_SPEED - SPEED_PER_METRE * clearance  # m/s above the proper speed
-    total: float = cost + numbers[HURRY] * max(haste, 0.0)
-    return total
+    cost = numbers[_INTIMATE] * max(1.0 - clearance / INTIMATE_DISTANCE, 0.0)
+    cost += numbers[_PERSONAL] * max(1.0 - clearance / PERSONAL_DISTANCE, 0.0)
+    haste = speed - _SLOW_SPEED - _SPEED_PER_METRE * clearance  # m/s above the proper speed
+    return float(cost + numbers[_HURRY] * max(haste, 0.0))

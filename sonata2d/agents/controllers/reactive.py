@@ -8,6 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from ...core.compiled.packing import zeros
 from ...core.geometry import Point, Twist
 from ...core.navigation import FreeSpace
 from ...core.portable_math import angle_of, unit_vector
@@ -18,8 +19,8 @@ from ..pedestrians.models.base import Walkers, checked_acceleration, evaluations
 from ..pedestrians.neighbours import FADING_DISTANCE, INTERACTION_RANGE
 from .base import Controller
 
-REPLANNING_INTERVAL = 5  # ticks
-FAR = 1e4  # m, coordinates of humans that are absent
+_REPLANNING_INTERVAL = 5  # ticks
+_FAR = 1e4  # m, coordinates of humans that are absent
 
 
 class StraightToGoal(Controller):
@@ -77,11 +78,11 @@ class SocialForce(Controller):
         self._model = pedestrian_model(self.model)(scene)
         count = len(scene.humans)
         self._walkers = _robot_among(count, scene.robot.radius, self.speed)
-        self._far = np.stack((FAR + np.arange(count + 1.0), np.full(count + 1, FAR)), axis=1)  # m, of absent humans
+        self._far = np.stack((_FAR + np.arange(count + 1.0), np.full(count + 1, _FAR)), axis=1)  # m, of absent humans
 
     def act(self, snapshot: Snapshot) -> Twist:
         robot, goal = snapshot.robot, snapshot.goal
-        if snapshot.tick % REPLANNING_INTERVAL == 0:
+        if snapshot.tick % _REPLANNING_INTERVAL == 0:
             path = self._space.path(robot.position, goal.position)
             self._waypoint = goal.position if path is None or len(path) < 2 else (float(path[1][0]), float(path[1][1]))
         dx, dy = self._waypoint[0] - robot.position[0], self._waypoint[1] - robot.position[1]
@@ -138,11 +139,10 @@ def _robot_among(count: int, radius: float, speed: float) -> Walkers:
         radius: of the robot, m.
         speed: desired speed of the robot, m/s.
     """
-    vectors, is_robot = np.zeros((3, count + 1, 2)), np.arange(count + 1) == count
-    return Walkers(
-        position=vectors[0],
-        velocity=vectors[1],
-        desired_direction=vectors[2],
+    is_robot = np.arange(count + 1) == count
+    return zeros(
+        Walkers,
+        count + 1,
         body_direction=np.tile((1.0, 0.0), (count + 1, 1)),
         desired_speed=np.where(is_robot, speed, 0.0),
         radius=np.full(count + 1, float(radius)),
@@ -152,10 +152,8 @@ def _robot_among(count: int, radius: float, speed: float) -> Walkers:
         attention=np.zeros(count),
         group=np.full(count + 1, -1),
         is_abreast=np.ones(count + 1, dtype=bool),
-        shoulder=np.zeros(count + 1),
         headway=np.ones(count + 1),
         politeness=np.ones(count + 1),
-        steering=np.zeros((count + 1, 2)),
     )
 
 

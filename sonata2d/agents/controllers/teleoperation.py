@@ -15,13 +15,13 @@ from ...core.snapshot import Snapshot
 from .base import Controller, Stop
 
 Axis = Literal["ahead", "left", "turn", "brake"]
-AXES: tuple[Axis, ...] = ("ahead", "left", "turn", "brake")
+_AXES: tuple[Axis, ...] = ("ahead", "left", "turn", "brake")
 
 # Ends the run as an event, so that the end is recorded and replayed like all other input.
 STOP = DeviceEvent("window", "stop", 1.0)
 
 # Pairs of controls that form one stick; their dead zone is a disc. ("x" and "y" are buttons of a pad.)
-STICKS = (("left_x", "left_y"), ("right_x", "right_y"), ("axis0", "axis1"), ("axis2", "axis3"), ("drag_x", "drag_y"))
+_STICKS = (("left_x", "left_y"), ("right_x", "right_y"), ("axis0", "axis1"), ("axis2", "axis3"), ("drag_x", "drag_y"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +53,10 @@ class DeviceMapping:
         if not (0.0 <= self.dead_zone <= 0.9999 and 0.0 <= self.curve <= 1.0):
             raise ValueError(f"dead_zone must be in [0, 1) and curve in [0, 1], got {self.dead_zone} and {self.curve}")
         for control, (axis, gain) in self.controls.items():
-            if axis not in AXES or not -1.0 <= gain <= 1.0:
+            if axis not in _AXES or not -1.0 <= gain <= 1.0:
                 raise ValueError(
                     f"control {control!r} is mapped to axis {axis!r} with gain {gain}; "
-                    f"axes are {', '.join(AXES)}, gains are in [-1, 1]"
+                    f"axes are {', '.join(_AXES)}, gains are in [-1, 1]"
                 )
         controls = {control: (axis, quantised(gain)) for control, (axis, gain) in self.controls.items()}
         object.__setattr__(self, "controls", controls)
@@ -83,9 +83,9 @@ class DeviceMapping:
         Returns:
             For each axis the sum over its controls, as a fraction of the robot's limit; not clipped.
         """
-        command: dict[Axis, float] = dict.fromkeys(AXES, 0.0)
+        command: dict[Axis, float] = dict.fromkeys(_AXES, 0.0)
         shaped = dict(values)
-        for x, y in STICKS:
+        for x, y in _STICKS:
             if x in values or y in values:
                 shaped[x], shaped[y] = self.shape_stick(values.get(x, 0.0), values.get(y, 0.0))
         for control, (axis, gain) in self.controls.items():
@@ -138,7 +138,7 @@ class Teleoperation(Controller):
     def __init__(
         self, mappings: Mapping[str, DeviceMapping] = DEFAULT_MAPPINGS, label: LabelSpec | None = None
     ) -> None:
-        self._mappings, self._label_spec = dict(mappings), label or LabelSpec()
+        self.mappings, self._label_spec = dict(mappings), label or LabelSpec()
         self.labels = {self._label_spec.name: self._label_spec.meaning} if self._label_spec.per_frame else {}
         self._controls: dict[str, dict[str, float]] = {}  # device -> control -> its last value
         self._label: bool | int | float | None = None
@@ -149,11 +149,6 @@ class Teleoperation(Controller):
         mappings = {kind: DeviceMapping.from_settings(m) for kind, m in settings.get("hands", {}).items()}
         label = LabelSpec.from_settings(settings["label"]) if "label" in settings else None
         return cls(mappings or DEFAULT_MAPPINGS, label)
-
-    @property
-    def mappings(self) -> Mapping[str, DeviceMapping]:
-        """The mapping of each kind of device."""
-        return self._mappings
 
     @property
     def pressed(self) -> tuple[DeviceEvent, ...]:
@@ -167,7 +162,7 @@ class Teleoperation(Controller):
 
     def settings(self) -> dict[str, Any]:
         """Everything that determines how events are read, as JSON-compatible values."""
-        mappings = {kind: mapping.settings() for kind, mapping in self._mappings.items()}
+        mappings = {kind: mapping.settings() for kind, mapping in self.mappings.items()}
         return {"hands": mappings} | ({"label": asdict(self._label_spec)} if self._label_spec.per_frame else {})
 
     def reset(self, scene: Scene) -> None:
@@ -192,9 +187,9 @@ class Teleoperation(Controller):
 
     def _command(self) -> dict[Axis, float]:
         """The sum of the commands of all devices on each axis, clipped to [-1, 1]."""
-        total: dict[Axis, float] = dict.fromkeys(AXES, 0.0)
+        total: dict[Axis, float] = dict.fromkeys(_AXES, 0.0)
         for device, values in self._controls.items():
-            mapping = self._mappings.get(device) or self._mappings.get(device.rstrip("0123456789"))
+            mapping = self.mappings.get(device) or self.mappings.get(device.rstrip("0123456789"))
             for axis, value in (mapping.read(values) if mapping else {}).items():
                 total[axis] += value
         return {axis: min(max(value, -1.0), 1.0) for axis, value in total.items()}

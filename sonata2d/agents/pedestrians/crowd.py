@@ -9,34 +9,29 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...core.compiled.kernel import kernel, subroutine
-from ...core.compiled.packing import Bools, Floats, Floats2, Packed, unpack
+from ...core.compiled.packing import Bools, Floats, Floats2, Packed, unpack, zeros
 from ...core.compiled.scalar import length, rotation, unit_or
 from ...core.entities import DEFAULT_MODEL
 from ...core.geometry import Barriers, Point, as_point
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.portable_math import Array, BoolArray, IntArray
+from ...core.rng import AgentStreams
 from ...core.scene import Scene
 from ...core.snapshot import CrowdCommands, Snapshot
 from ...core.turning import critically_damped, turn_limits
 from ...registry import PEDESTRIAN_MODELS
-from .models.base import (
-    Walkers,
-    checked_acceleration,
-    evaluations_per_tick,
-    pedestrian_model,
-    standing_acceleration,
-)
+from .models.base import Walkers, checked_acceleration, evaluations_per_tick, pedestrian_model, standing_acceleration
 from .neighbours import find_neighbours, is_hidden
 from .orientation import (
     HEAD_LEAD_TIME,
     IDLE_SPEED,
     MINIMUM_HEAD_LEAD,
     Glances,
-    GlanceStreams,
     facing,
     gaze,
     has_draws,
     initial_glances,
+    refill,
 )
 from .passages import Passages, find_passages, give_way
 from .reactions import (
@@ -62,8 +57,8 @@ from .social.dynamics import SocialDynamics
 from .social.state import SocialArrays, SocialState
 from .wayfinding import Wayfinding
 
-MAXIMUM_SPEED_RATIO = 1.3  # maximum speed over desired speed (Helbing & Molnár 1995)
-STANDING_SPEED, STANDING_TIME = 0.05, 1.0  # m/s and s: a robot that is slower for so long counts as an obstacle
+_MAXIMUM_SPEED_RATIO = 1.3  # maximum speed over desired speed (Helbing & Molnár 1995)
+_STANDING_SPEED, _STANDING_TIME = 0.05, 1.0  # m/s and s: a robot that is slower for so long counts as an obstacle
 
 # Steps of `decide`, and its answers: the decision that it needs, or that it is complete.
 _FOLLOW, _TARGET, _TURN = range(3)
@@ -158,22 +153,16 @@ class Crowd:
         self._social_dynamics = SocialDynamics(scene, self._social, self._wayfinding)
         self._passages = find_passages(scene)
         self._reactions = initial_reactions(scene)
-        self._glances, self._glance_streams = initial_glances(scene, self._reactions), GlanceStreams(scene)
+        self._glances = initial_glances(scene, self._reactions)
+        self._glance_streams = AgentStreams(scene.seed, scene.episode, "glances", scene.human_table.id.tolist())
         self._barriers = scene.barriers.table
         self._view_blocks = Barriers.of(_blocking_walls(scene)).table
         self._side, self._dt = float(scene.rules.side), scene.rules.dt
         self._obstacles = self._pack_obstacles()
-        self._intentions = Intentions(
-            preferred_speed=_group_speeds(scene),
-            robot_in_sight=np.ones(count, dtype=bool),
+        self._intentions = zeros(
+            Intentions, count, preferred_speed=_group_speeds(scene), robot_in_sight=np.ones(count, dtype=bool),
             standing_position=self._social.standing_position.copy(),
-            facing=np.zeros((count, 2)),
-            gaze=np.zeros((count, 2)),
-            acceleration=np.zeros((count, 2)),
-            wanted_twist=np.zeros(count),
-            twist=np.zeros(count),
-            twist_rate=np.zeros(count),
-        )
+        )  # fmt: skip
         self._walkers = _walkers(scene)
         self._is_present, self._all_present = np.ones(count, dtype=bool), True
         self._evaluations = min(evaluations_per_tick(self._model.evaluations, self._dt), scene.rules.substeps)
@@ -210,7 +199,7 @@ class Crowd:
             refresh=self._refresh if self._evaluations > 1 else None,
             evaluations=self._evaluations,
             leaving=wayfinding.leaving + self._social_dynamics.leaving,
-            seats=self._social_dynamics.seats,
+            seats=self._social_dynamics.seats.pairs,
         )
 
     def turn_shoulders_like(self, other: Crowd) -> None:
@@ -219,9 +208,9 @@ class Crowd:
 
     def _watch_robot(self, robot: Array) -> None:
         """Let paths lead round a robot that stands, as round a piece of furniture, whether it is ignored or not."""
-        is_moving = robot[VX] * robot[VX] + robot[VY] * robot[VY] > STANDING_SPEED * STANDING_SPEED
+        is_moving = robot[VX] * robot[VX] + robot[VY] * robot[VY] > _STANDING_SPEED * _STANDING_SPEED
         self._robot_rests = 0 if is_moving else self._robot_rests + 1
-        is_obstacle = self._robot_rests * self._dt >= STANDING_TIME
+        is_obstacle = self._robot_rests * self._dt >= _STANDING_TIME
         if is_obstacle != self._robot_is_obstacle:
             self._robot_is_obstacle = is_obstacle
             place = (float(robot[X]), float(robot[Y]))
@@ -259,7 +248,7 @@ class Crowd:
                 wayfinding.routes.is_blocked[:] = False
                 step = _TARGET
             else:
-                self._glance_streams.refill(self._glances)
+                refill(self._glances, self._glance_streams)
                 step = _TURN
 
     def _refresh(self, rows: Array) -> Array:
@@ -287,39 +276,22 @@ class Crowd:
 
     def _repack(self) -> None:
         """Pack the state anew if one of its parts is another object now."""
-        state, routes, social = self._state.value, self._wayfinding.routes, self._social.arrays
-        if (
-            state.routes is not routes
-            or state.social is not social
-            or state.walkers is not self._walkers
-            or state.obstacles is not self._obstacles
-        ):
-            self._state = Packed(self._gather_state())
+        state = self._gather_state()
+        if any(part is not packed for part, packed in zip(state, self._state.value, strict=True)):
+            self._state = Packed(state)
 
     def _gather_state(self) -> CrowdState:
         return CrowdState(
-            self._obstacles,
-            self._wayfinding.routes,
-            self._passages,
-            self._social.arrays,
-            self._reactions,
-            self._glances,
-            self._intentions,
-            self._walkers,
-        )
+            self._obstacles, self._wayfinding.routes, self._passages, self._social.arrays, self._reactions,
+            self._glances, self._intentions, self._walkers,
+        )  # fmt: skip
 
     def _pack_obstacles(self) -> Obstacles:
         space, passable = self._wayfinding.space, self._wayfinding.passable
         return Obstacles(
-            self._barriers,
-            self._view_blocks,
-            passable.barriers.table,
-            space.barriers.table,
-            passable.clearance,
-            space.clearance,
-            self._side,
-            self._dt,
-        )
+            self._barriers, self._view_blocks, passable.barriers.table, space.barriers.table, passable.clearance,
+            space.clearance, self._side, self._dt,
+        )  # fmt: skip
 
 
 @kernel
@@ -347,15 +319,9 @@ def observe(packed_state: Any, humans: Array, is_present: BoolArray) -> int:
 
 @kernel
 def decide(
-    packed_state: Any,
-    step: int,
-    first: int,
-    tick: int,
-    robot: Array,
-    humans: Array,
-    is_present: BoolArray,
+    packed_state: Any, step: int, first: int, tick: int, robot: Array, humans: Array, is_present: BoolArray,
     is_headed: bool,
-) -> tuple[int, int]:
+) -> tuple[int, int]:  # fmt: skip
     """Decide what all pedestrians do in a tick, or go on where the last call stopped for a decision.
 
     Args:
@@ -508,7 +474,7 @@ def total_acceleration(packed_state: Any, walking: Array, robot_x: float, robot_
         # The speed after the interval is limited.
         vx_after, vy_after = vx + ax * interval, vy + ay * interval
         speed, maximum = math.sqrt(vx_after * vx_after + vy_after * vy_after), 0.0
-        maximum = MAXIMUM_SPEED_RATIO * intentions.preferred_speed[k]
+        maximum = _MAXIMUM_SPEED_RATIO * intentions.preferred_speed[k]
         scale = maximum / max(speed, 1e-6) if speed > maximum else 1.0
         intentions.acceleration[k, 0] = (vx_after * scale - vx) / interval
         intentions.acceleration[k, 1] = (vy_after * scale - vy) / interval
@@ -517,14 +483,10 @@ def total_acceleration(packed_state: Any, walking: Array, robot_x: float, robot_
 def _walkers(scene: Scene) -> Walkers:
     """The input of the pedestrian model, filled as far as it stays the same."""
     count = len(scene.humans)
-    return Walkers(
-        position=np.zeros((count, 2)),
-        velocity=np.zeros((count, 2)),
-        desired_direction=np.zeros((count, 2)),
-        body_direction=np.zeros((count, 2)),
-        desired_speed=np.zeros(count),
+    return zeros(
+        Walkers,
+        count,
         radius=scene.human_table.radius.copy(),
-        walks=np.zeros(count, dtype=bool),
         neighbour_start=np.zeros(count + 1, dtype=np.int64),
         neighbour=np.zeros(0, dtype=np.int64),
         attention=np.zeros(0),
@@ -533,7 +495,6 @@ def _walkers(scene: Scene) -> Walkers:
         shoulder=scene.human_table.shoulder.copy(),
         headway=np.array([human.headway for human in scene.humans], dtype=float),
         politeness=np.array([human.politeness for human in scene.humans], dtype=float),
-        steering=np.zeros((count, 2)),
     )
 
 

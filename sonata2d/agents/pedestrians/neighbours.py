@@ -204,8 +204,6 @@ def _append_near(grid: Grid, x: float, y: float, candidates: IntArray, count: in
     for c in range(max(column - 1, 0), min(column + 2, grid.columns)):
         for r in range(max(row - 1, 0), min(row + 2, grid.rows)):
             for n in range(grid.begin[c * grid.rows + r], grid.end[c * grid.rows + r]):
-                candidates[count] = grid.pedestrian[
-                    n
-                ]  # without a branch, which would cost more: the next one overwrites it
+                candidates[count] = grid.pedestrian[n]  # no branch, which would cost more: the next one overwrites it
                 count += _is_within_range(grid.x[n] - x, grid.y[n] - y)
     return count

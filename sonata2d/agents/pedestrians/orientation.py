@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.compiled.kernel import subroutine
-from ...core.compiled.packing import Floats2, Ints
+from ...core.compiled.packing import Floats2, Ints, zeros
 from ...core.compiled.scalar import Vector, choice, turned_towards, unit_or
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.portable_math import Array
@@ -31,24 +31,24 @@ from .social.state import SocialArrays
 
 HEAD_LEAD_TIME = 1.0  # s, by which the head leads the path
 MINIMUM_HEAD_LEAD = 0.8  # m, minimum distance ahead on the path
-LEAD_COSINE, LEAD_SINE = 0.8191520442889918, 0.573576436351046  # of 35 degrees, the most a body leads its course by
-IDLE_SPEED, MOVING_SPEED = 0.3, 0.4  # m/s: slower bodies turn freely; faster scared ones face their path
-VIEW_COSINE = -0.35  # cosine of the angle from the body's direction up to which the robot is noticed
+_LEAD_COSINE, _LEAD_SINE = 0.8191520442889918, 0.573576436351046  # of 35 degrees, the most a body leads its course by
+IDLE_SPEED, _MOVING_SPEED = 0.3, 0.4  # m/s: slower bodies turn freely; faster scared ones face their path
+_VIEW_COSINE = -0.35  # cosine of the angle from the body's direction up to which the robot is noticed
 
 # Columns of the times of glances: shortest and longest look, and shortest and longest pause after it, s; and the
 # clearance within which the robot attracts looks, m.
 _LOOK, _PAUSE, _RANGE = 0, 2, 4
 _NEVER = (0.0, 0.0, 0.0, 0.0, -1.0)
-ROBOT_GLANCES = {
+_ROBOT_GLANCES = {
     AVOIDS: (0.4, 0.9, 1.5, 4.0, 4.0),
     STOPS: (0.6, 1.2, 1.0, 3.0, 4.0),
     CURIOUS: (2.0, 4.0, 0.3, 1.0, 6.0),
     SCARED: (1.0, 2.5, 0.3, 0.8, 6.0),
 }
-TALK_LOOK = (1.5, 4.0)  # s, from one face to the next, where three or more talk
-WALK_LOOK, WALK_PAUSE = (0.8, 1.5), (4.0, 10.0)  # s, at companions, where people walk together
+_TALK_LOOK = (1.5, 4.0)  # s, from one face to the next, where three or more talk
+_WALK_LOOK, _WALK_PAUSE = (0.8, 1.5), (4.0, 10.0)  # s, at companions, where people walk together
 
-DRAWS_PER_TICK = 4  # random numbers that the glances of a pedestrian need at most in a tick
+_DRAWS_PER_TICK = 4  # random numbers that the glances of a pedestrian need at most in a tick
 _STOCK = 16  # random numbers that are drawn at a time
 
 
@@ -75,38 +75,27 @@ class Glances(NamedTuple):
 
 
 def initial_glances(scene: Scene, reactions: Reactions) -> Glances:
-    """The glances at the start of an episode; random numbers are drawn later, see `GlanceStreams`."""
+    """The glances at the start of an episode; random numbers are drawn later, see `refill`."""
     count = len(scene.humans)
-    times = [ROBOT_GLANCES.get(kind, _NEVER) for kind in reactions.kind.tolist()]
-    until, following, partner, partner_until, used = np.zeros((5, count), dtype=np.int64)
-    partner[:], used[:] = -1, _STOCK
-    return Glances(
-        np.array(times).reshape(-1, 5), until, following, partner, partner_until, np.zeros((count, _STOCK)), used
-    )
+    times = [_ROBOT_GLANCES.get(kind, _NEVER) for kind in reactions.kind.tolist()]
+    return zeros(
+        Glances, count, times=np.array(times).reshape(-1, 5), partner=np.full(count, -1),
+        uniform=np.zeros((count, _STOCK)), used=np.full(count, _STOCK),
+    )  # fmt: skip
 
 
-class GlanceStreams:
-    """Refills `Glances.uniform` from each pedestrian's random stream, in the order of the stream.
-
-    Args:
-        scene: gives the seeds.
-    """
-
-    def __init__(self, scene: Scene) -> None:
-        self._rng = AgentStreams(scene.seed, scene.episode, "glances", scene.human_table.id.tolist())
-
-    def refill(self, glances: Glances) -> None:
-        """Draw random numbers for all pedestrians that have fewer than they may need in a tick."""
-        for k in np.flatnonzero(glances.used > _STOCK - DRAWS_PER_TICK).tolist():
-            used = int(glances.used[k])
-            glances.uniform[k] = np.concatenate((glances.uniform[k, used:], self._rng[k].uniforms(used)))
-            glances.used[k] = 0
+def refill(glances: Glances, streams: AgentStreams) -> None:
+    """Draw random numbers for all pedestrians that have fewer than they may need in a tick, in the streams' order."""
+    for k in np.flatnonzero(glances.used > _STOCK - _DRAWS_PER_TICK).tolist():
+        used = int(glances.used[k])
+        glances.uniform[k] = np.concatenate((glances.uniform[k, used:], streams[k].uniforms(used)))
+        glances.used[k] = 0
 
 
 @subroutine
 def has_draws(glances: Glances, k: int) -> bool:
     """Whether pedestrian k has all the random numbers that a tick may need."""
-    return bool(glances.used[k] <= glances.uniform.shape[1] - DRAWS_PER_TICK)
+    return bool(glances.used[k] <= glances.uniform.shape[1] - _DRAWS_PER_TICK)
 
 
 @subroutine
@@ -140,7 +129,7 @@ def facing(
     vx, vy, is_walking = humans[k, VX], humans[k, VY], social.is_walking[k]
     if reactions.faces_robot[k] and not social.has_object[k]:
         talks = not is_walking and social.partner_count[k] > 0
-        is_moving = vx * vx + vy * vy > MOVING_SPEED * MOVING_SPEED
+        is_moving = vx * vx + vy * vy > _MOVING_SPEED * _MOVING_SPEED
         flees = reactions.kind[k] == SCARED and is_walking and is_moving
         if not talks and not flees:
             return reactions.robot_direction[k, 0], reactions.robot_direction[k, 1]
@@ -148,7 +137,7 @@ def facing(
         ux, uy = unit_or(course_x, course_y, 0.05, humans[k, BODY_X], humans[k, BODY_Y])
         speed = math.sqrt(vx * vx + vy * vy)
         if speed > IDLE_SPEED:
-            return turned_towards(vx / speed, vy / speed, ux, uy, LEAD_COSINE, LEAD_SINE, side)
+            return turned_towards(vx / speed, vy / speed, ux, uy, _LEAD_COSINE, _LEAD_SINE, side)
         return ux, uy
     x, y = _facing_point(k, humans, social)
     return unit_or(x - humans[k, X], y - humans[k, Y], 0.05, humans[k, BODY_X], humans[k, BODY_Y])
@@ -210,10 +199,10 @@ def _choose_partner(k: int, tick: int, social: SocialArrays, glances: Glances, d
         # Walkers start with a pause, and pause after each look; people who talk look from face to face.
         if is_walking and (partner >= 0 or tick == 0):
             partner = -1
-            duration = _draw_ticks(glances, k, WALK_PAUSE[0], WALK_PAUSE[1], dt)
+            duration = _draw_ticks(glances, k, _WALK_PAUSE[0], _WALK_PAUSE[1], dt)
         else:
             partner = social.partners[k, choice(_draw(glances, k), count)]
-            low, high = WALK_LOOK if is_walking else TALK_LOOK
+            low, high = _WALK_LOOK if is_walking else _TALK_LOOK
             duration = _draw_ticks(glances, k, low, high, dt)
         glances.partner[k], glances.partner_until[k] = partner, tick + duration
     return int(partner)
@@ -225,7 +214,7 @@ def _looks_at_robot(k: int, tick: int, humans: Array, reactions: Reactions, glan
     if not reactions.notices[k] or not reactions.gap[k] < glances.times[k, _RANGE]:
         return False
     x, y = reactions.robot_direction[k, 0], reactions.robot_direction[k, 1]
-    if not humans[k, BODY_X] * x + humans[k, BODY_Y] * y > VIEW_COSINE:
+    if not humans[k, BODY_X] * x + humans[k, BODY_Y] * y > _VIEW_COSINE:
         return False
     if tick >= glances.robot_next[k]:
         times = glances.times

@@ -1,7 +1,7 @@
 """Narrow passages: pedestrians do not enter a door or a gap in which others walk the other way; they wait beside it.
 
 One direction at a time has the right of way. It changes when no pedestrian that walks in this direction is near, or
-when those in the other direction have waited for `PATIENCE`. So the direction alternates, as Helbing & Molnár (Phys.
+when those in the other direction have waited for `_PATIENCE`. So the direction alternates, as Helbing & Molnár (Phys.
 Rev. E 51 (1995) 4282, section III) describe it for two crowds at a door; the rules and figures are ours.
 """
 
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.compiled.kernel import kernel, subroutine
-from ...core.compiled.packing import Floats, Floats2, Ints, Ints2
+from ...core.compiled.packing import Floats, Floats2, Ints, Ints2, zeros
 from ...core.compiled.scalar import END_X, RADIUS, START_X, gap, length, towards
 from ...core.geometry import inside_polygon, segment_distances
 from ...core.humans import X, Y
@@ -22,19 +22,19 @@ from ...core.scene import Scene
 from .models.base import Walkers
 from .routes import Routes, stopping_speed
 
-NARROWEST, WIDEST = 0.3, 1.1  # m: one person passes, and two do not pass each other comfortably
-DEEPEST, OFFSET = 8.0, 0.15  # m: of a passage between its two ends, and between their middles across it
-SAMPLING = 0.25  # m, between the places at which the width of a deep passage is tested
-ROOM_AHEAD, ROOM = 0.8, 0.6  # m: at both ends of a passage there is a free circle of this radius at this distance
-ROOM_ASIDE = 0.8  # m, by which this circle may be off the line of the passage
-RANGE = 3.0  # m, on the path, within which pedestrians consider a passage
-INSIDE = 0.45  # m, from the end of a passage, within which pedestrians count as inside
-CLAIM = 1.5  # m, from the end of a passage, within which pedestrians can get the right of way
-PATIENCE = 6.0  # s, after which the right of way goes to the direction that waits
-JAM = 18.0  # s, after which the rule is suspended, because a pedestrian in the passage may be stuck
-WAITING_DISTANCE = 1.1  # m, from the end of a passage
-LANE, LANE_LENGTH = 0.55, 2.2  # m, half the width and the length of what is kept free for those who come out
-STEP_ASIDE = 0.5  # m/s
+_NARROWEST, WIDEST = 0.3, 1.1  # m: one person passes, and two do not pass each other comfortably
+_DEEPEST, _OFFSET = 8.0, 0.15  # m: of a passage between its two ends, and between their middles across it
+_SAMPLING = 0.25  # m, between the places at which the width of a deep passage is tested
+_ROOM_AHEAD, _ROOM = 0.8, 0.6  # m: at both ends of a passage there is a free circle of this radius at this distance
+_ROOM_ASIDE = 0.8  # m, by which this circle may be off the line of the passage
+_RANGE = 3.0  # m, on the path, within which pedestrians consider a passage
+_INSIDE = 0.45  # m, from the end of a passage, within which pedestrians count as inside
+_CLAIM = 1.5  # m, from the end of a passage, within which pedestrians can get the right of way
+_PATIENCE = 6.0  # s, after which the right of way goes to the direction that waits
+_JAM = 18.0  # s, after which the rule is suspended, because a pedestrian in the passage may be stuck
+_WAITING_DISTANCE = 1.1  # m, from the end of a passage
+_LANE, _LANE_LENGTH = 0.55, 2.2  # m, half the width and the length of what is kept free for those who come out
+_STEP_ASIDE = 0.5  # m/s
 
 _X, _Y, _UX, _UY, _HALF_WIDTH, _HALF_DEPTH, _LEFT_ROOM, _RIGHT_ROOM = range(8)  # columns of `Passages.frame`
 
@@ -77,10 +77,7 @@ def find_passages(scene: Scene) -> Passages:
     frames = [_frame(scene, np.array(group)) for group in groups]
     frame = np.array([row for row in frames if row is not None]).reshape(-1, 8)
     shape = len(frame), len(scene.humans)
-    return Passages(
-        frame, np.zeros(len(frame), dtype=np.int64), np.zeros(len(frame)), np.zeros(shape, dtype=np.int64),
-        np.zeros(shape),
-    )  # fmt: skip
+    return zeros(Passages, len(frame), frame=frame, way=np.zeros(shape, dtype=np.int64), distance=np.zeros(shape))
 
 
 def _are_of_one(scene: Scene, first: Array, second: Array) -> bool:
@@ -89,11 +86,11 @@ def _are_of_one(scene: Scene, first: Array, second: Array) -> bool:
     _, _, ux, uy, _ = first.tolist()
     ahead = abs(dy * ux - dx * uy)
     is_parallel = abs(ux * second[_UX] + uy * second[_UY]) > 0.9
-    if not is_parallel or abs(dx * ux + dy * uy) > OFFSET or ahead > DEEPEST:
+    if not is_parallel or abs(dx * ux + dy * uy) > _OFFSET or ahead > _DEEPEST:
         return False
-    if segment_distances(first[None, :2], second[None, :2], scene.barriers).min() < NARROWEST / 4:
+    if segment_distances(first[None, :2], second[None, :2], scene.barriers).min() < _NARROWEST / 4:
         return False  # as in a hollow wall
-    count = int(ahead / SAMPLING) + 1
+    count = int(ahead / _SAMPLING) + 1
     between = np.array([[first[0] + dx * k / count, first[1] + dy * k / count] for k in range(1, count)])
     return not len(between) or bool(scene.barriers.gaps(between).min(axis=0).max() < WIDEST / 2)
 
@@ -105,7 +102,7 @@ def _frame(scene: Scene, ends: Array) -> Array | None:
     ux, uy = narrowest[2:4].tolist()
     ahead = (ends[:, 1] - y) * ux - (ends[:, 0] - x) * uy
     half_depth = abs(ahead).max()
-    sides = [_side_with_room(scene, x, y, ux, uy, sign * (half_depth + ROOM_AHEAD)) for sign in (1.0, -1.0)]
+    sides = [_side_with_room(scene, x, y, ux, uy, sign * (half_depth + _ROOM_AHEAD)) for sign in (1.0, -1.0)]
     if None in sides:
         return None
     return np.array([x, y, ux, uy, narrowest[4] / 2, half_depth, *sides])
@@ -119,9 +116,9 @@ def _side_with_room(scene: Scene, x: float, y: float, ux: float, uy: float, ahea
         x, y, ux, uy: see `Passages.frame`.
         ahead: of the place from the middle of the passage, m, positive to the left of (ux, uy).
     """
-    asides = np.array([0.0, ROOM_ASIDE, -ROOM_ASIDE])
+    asides = np.array([0.0, _ROOM_ASIDE, -_ROOM_ASIDE])
     places = np.stack((x - uy * ahead + ux * asides, y + ux * ahead + uy * asides), axis=1)
-    is_free = (scene.barriers.gaps(places).min(axis=0) >= ROOM) & inside_polygon(places, scene.outline)
+    is_free = (scene.barriers.gaps(places).min(axis=0) >= _ROOM) & inside_polygon(places, scene.outline)
     ahead_free, left_free, right_free = is_free.tolist()
     if ahead_free or (left_free and right_free):
         return 0.0
@@ -147,7 +144,7 @@ def _find_ends(barriers: Array, narrow: Array) -> int:
                 dx, dy = towards(barriers, j, x, y)
                 size = max(length(dx, dy), 1e-6)
                 width = size - barriers[k, RADIUS] - barriers[j, RADIUS]
-                if not NARROWEST < width < WIDEST or count == len(narrow):
+                if not _NARROWEST < width < WIDEST or count == len(narrow):
                     continue
                 ux, uy, middle = dx / size, dy / size, barriers[k, RADIUS] + 0.5 * width
                 mx, my = x + ux * middle, y + uy * middle
@@ -198,7 +195,7 @@ def give_way(
         _choose_holder(passages, g, dt)
         for k in range(len(humans)):
             way, holder = passages.way[g, k], passages.holder[g]
-            has_way = (way * holder > 0 and passages.waited[g] <= PATIENCE) or passages.waited[g] > JAM
+            has_way = (way * holder > 0 and passages.waited[g] <= _PATIENCE) or passages.waited[g] > _JAM
             if way * holder != 0 and not has_way and passages.distance[g, k] > 0.0:
                 _wait(passages, g, k, walkers, humans, side)
                 routes.checkpoint[k, 0] = math.nan  # it makes no progress, but is not stuck
@@ -221,14 +218,14 @@ def _find_way(passages: Passages, k: int, routes: Routes, humans: Array) -> None
                     nearest, first = part, g
         if first >= 0:
             distance = walked + nearest * step - passages.frame[first, _HALF_DEPTH]
-            if passages.way[first, k] == 0 and distance < RANGE:
+            if passages.way[first, k] == 0 and distance < _RANGE:
                 aside, ahead = _in_frame(passages, first, x, y)
                 is_inside = walked == 0.0 and _is_inside(passages, first, aside, ahead)
                 passages.way[first, k] = -1 if ahead > 0.0 else 1
                 passages.distance[first, k] = 0.0 if is_inside else max(distance, 1e-3)
             return
         walked += step
-        if walked > RANGE:
+        if walked > _RANGE:
             return
         x, y = next_x, next_y
 
@@ -237,7 +234,7 @@ def _find_way(passages: Passages, k: int, routes: Routes, humans: Array) -> None
 def _is_inside(passages: Passages, g: int, aside: float, ahead: float) -> bool:
     """Whether a point, in the frame of passage g, is in it or right in front of it."""
     half_width, half_depth = passages.frame[g, _HALF_WIDTH], passages.frame[g, _HALF_DEPTH]
-    return bool(abs(aside) < half_width and abs(ahead) < half_depth + INSIDE)
+    return bool(abs(aside) < half_width and abs(ahead) < half_depth + _INSIDE)
 
 
 @subroutine
@@ -265,14 +262,14 @@ def _choose_holder(passages: Passages, g: int, dt: float) -> None:
     holder = passages.holder[g]
     to_holder, to_other_side = (left, right) if holder > 0 else (right, left)
     if holder != 0:
-        passages.waited[g] = passages.waited[g] + dt if to_other_side < CLAIM else 0.0
-        if passages.waited[g] > PATIENCE and to_holder > 0.0:
+        passages.waited[g] = passages.waited[g] + dt if to_other_side < _CLAIM else 0.0
+        if passages.waited[g] > _PATIENCE and to_holder > 0.0:
             passages.holder[g], passages.waited[g] = -holder, 0.0
             return
-        if to_holder < CLAIM:
+        if to_holder < _CLAIM:
             return
     passages.waited[g] = 0.0
-    passages.holder[g] = first if min(left, right) < CLAIM else 0
+    passages.holder[g] = first if min(left, right) < _CLAIM else 0
 
 
 @subroutine
@@ -282,9 +279,9 @@ def _wait(passages: Passages, g: int, k: int, walkers: Walkers, humans: Array, s
     aside, ahead = _in_frame(passages, g, humans[k, X], humans[k, Y])
     ahead = math.copysign(max(abs(ahead) - half_depth, 0.0), ahead)  # from the nearer end
     distance = max(length(aside, ahead), 1e-6)
-    rest = max(distance - WAITING_DISTANCE, 0.0)
+    rest = max(distance - _WAITING_DISTANCE, 0.0)
     speed, limit = walkers.desired_speed[k], stopping_speed(rest)
-    if abs(aside) < LANE and distance < LANE_LENGTH:
+    if abs(aside) < _LANE and distance < _LANE_LENGTH:
         outwards = passages.frame[g, _LEFT_ROOM if ahead > 0.0 else _RIGHT_ROOM]
         if outwards == 0.0:  # the side of the rules is as seen by a walker who faces the passage
             outwards = -side * ahead if aside == 0.0 else aside
@@ -294,5 +291,5 @@ def _wait(passages: Passages, g: int, k: int, walkers: Walkers, humans: Array, s
         dx, dy = along * ux - across * uy, along * uy + across * ux
         size = max(length(dx, dy), 1e-6)
         walkers.desired_direction[k, 0], walkers.desired_direction[k, 1] = dx / size, dy / size
-        limit = max(limit, STEP_ASIDE)
+        limit = max(limit, _STEP_ASIDE)
     walkers.desired_speed[k] = min(speed, limit)

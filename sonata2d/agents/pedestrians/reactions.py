@@ -7,12 +7,12 @@ speed (`velocity_obstacle.evasive_velocity`) to keep their clearance from the ro
 - `avoids`: nothing else.
 - `stops`: stands still while the robot is near and approaches; walks on once the robot has passed or stands, or after
   6 s.
-- `curious`: approaches to `CURIOUS_CLEARANCE`, unless in a group, stays and faces the robot; loses interest after 8 s
+- `curious`: approaches to `_CURIOUS_CLEARANCE`, unless in a group, stays and faces the robot; loses interest after 8 s
   and regains it after four times the duration without the robot.
 - `scared`: walks away while the robot is near and approaches, for 6 s at most. Standing pedestrians step back, as far
   as there is room, and return.
 
-Delays are limited: pedestrians that are kept from their paths for `PATIENCE` s accept less clearance.
+Delays are limited: pedestrians that are kept from their paths for `_PATIENCE` s accept less clearance.
 
 Source: Vassallo et al., Gait & Posture 51 (2017) 97, for the clearance and for walkers passing behind a robot; the
 other rules are ours.
@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.compiled.kernel import subroutine
-from ...core.compiled.packing import Bools, Floats, Floats2, Ints
+from ...core.compiled.packing import Bools, Floats, Floats2, Ints, zeros
 from ...core.compiled.scalar import Vector, exp, gap
 from ...core.humans import VX, VY, X, Y
 from ...core.portable_math import Array
@@ -34,18 +34,18 @@ from ...core.scene import Scene
 from .models.base import fill_walls
 from .velocity_obstacle import WALL_TIME, evasive_velocity, in_conflict, limited_by_walls
 
-NOTICE_RANGE = 8.0  # m, clearance within which the robot has an effect
-CAUSE_RANGE = 3.0  # m, clearance within which the robot's approach causes `stops` and `scared`
-APPROACH_SPEED = 0.1  # m/s towards the pedestrian, above which the robot approaches
-FAST_APPROACH_SPEED = 0.2  # m/s, above which curious pedestrians evade the robot
-CURIOUS_CLEARANCE = 1.2  # m, at which curious pedestrians stay (Hall's social distance begins there)
-INTEREST_RANGE = 4.0  # m, clearance within which pedestrians become curious
-SCARED_CLEARANCE = 0.7  # m, added to the clearance of scared pedestrians
-MAXIMUM_STEP_BACK, STEP_BACK_RANGE = 0.8, 1.8  # m: largest step back of standing pedestrians, and clearance to restore
-CLOSE_CLEARANCE = 0.5  # m, accepted by pedestrians that stop for the robot or are curious, while the reaction lasts
-ASIDE_FRACTION = 0.8  # how much of the direction along the robot's path scared pedestrians leave out when they flee
-TIGHT_CLEARANCE = 0.1  # m, accepted by pedestrians that were delayed for long
-PATIENCE, MAXIMUM_DELAY = 5.0, 8.0  # s of delay from which the clearance shrinks, and at which it is TIGHT_CLEARANCE
+_NOTICE_RANGE = 8.0  # m, clearance within which the robot has an effect
+_CAUSE_RANGE = 3.0  # m, clearance within which the robot's approach causes `stops` and `scared`
+_APPROACH_SPEED = 0.1  # m/s towards the pedestrian, above which the robot approaches
+_FAST_APPROACH_SPEED = 0.2  # m/s, above which curious pedestrians evade the robot
+_CURIOUS_CLEARANCE = 1.2  # m, at which curious pedestrians stay (Hall's social distance begins there)
+_INTEREST_RANGE = 4.0  # m, clearance within which pedestrians become curious
+_SCARED_CLEARANCE = 0.7  # m, added to the clearance of scared pedestrians
+_MAXIMUM_STEP_BACK, _STEP_BACK_RANGE = 0.8, 1.8  # m: largest step back while standing, and clearance to restore
+_CLOSE_CLEARANCE = 0.5  # m, accepted by pedestrians that stop for the robot or are curious, while the reaction lasts
+_ASIDE_FRACTION = 0.8  # how much of the direction along the robot's path scared pedestrians leave out when they flee
+_TIGHT_CLEARANCE = 0.1  # m, accepted by pedestrians that were delayed for long
+_PATIENCE, _MAXIMUM_DELAY = 5.0, 8.0  # s of delay from which the clearance shrinks, and at which it is _TIGHT_CLEARANCE
 _REPULSION, _DECAY_LENGTH = 3.0, 0.1  # m/s^2 at contact with the robot, and m over which it falls to 1/e
 
 IGNORES, AVOIDS, STOPS, CURIOUS, SCARED = range(5)
@@ -100,21 +100,14 @@ def initial_reactions(scene: Scene) -> Reactions:
     count = len(humans)
     kind = np.array([KINDS[human.reaction] for human in humans], dtype=np.int64)
     clearance = np.array([human.robot_clearance for human in humans], dtype=float)
-    return Reactions(
+    return zeros(
+        Reactions,
+        count,
         kind=kind,
         weight=np.array([human.reacts_to_robot for human in humans], dtype=float),
         is_alone=np.array([human.group is None for human in humans], dtype=bool),
-        clearance=np.where(kind == SCARED, clearance + SCARED_CLEARANCE, clearance),
+        clearance=np.where(kind == SCARED, clearance + _SCARED_CLEARANCE, clearance),
         contact_distance=scene.human_table.circumradius + scene.robot.radius,
-        elapsed=np.zeros(count),
-        is_exhausted=np.zeros(count, dtype=bool),
-        delay=np.zeros(count),
-        passing_side=np.zeros(count),
-        notices=np.zeros(count, dtype=bool),
-        faces_robot=np.zeros(count, dtype=bool),
-        gap=np.zeros(count),
-        robot_direction=np.zeros((count, 2)),
-        velocity=np.zeros((count, 2)),
         walls=np.zeros((len(scene.barriers), 3)),
     )
 
@@ -134,13 +127,13 @@ def notice_robot(reactions: Reactions, k: int, robot: Array, humans: Array, in_s
     distance = max(math.sqrt(x * x + y * y), 1e-6)
     reactions.gap[k] = distance - reactions.contact_distance[k]
     reactions.robot_direction[k, 0], reactions.robot_direction[k, 1] = x / distance, y / distance
-    notices = reactions.weight[k] > 0.0 and in_sight and reactions.gap[k] < NOTICE_RANGE
+    notices = reactions.weight[k] > 0.0 and in_sight and reactions.gap[k] < _NOTICE_RANGE
     reactions.notices[k] = notices
     kind = reactions.kind[k]
     if kind == CURIOUS:
-        cause = notices and reactions.gap[k] < INTEREST_RANGE
+        cause = notices and reactions.gap[k] < _INTEREST_RANGE
     elif kind in (STOPS, SCARED):
-        cause = notices and _is_approached(reactions, k, robot, APPROACH_SPEED) and reactions.gap[k] < CAUSE_RANGE
+        cause = notices and _is_approached(reactions, k, robot, _APPROACH_SPEED) and reactions.gap[k] < _CAUSE_RANGE
     else:
         return notices
     elapsed, is_exhausted = reactions.elapsed[k], reactions.is_exhausted[k]
@@ -197,13 +190,13 @@ def adjust_course(
     avoiding = reactions.notices[k] and is_walking
     if avoiding and reactions.kind[k] == CURIOUS and reactions.faces_robot[k]:
         # Curious pedestrians do not evade a robot that they approach, unless it comes towards them fast.
-        avoiding = _is_approached(reactions, k, robot, FAST_APPROACH_SPEED)
+        avoiding = _is_approached(reactions, k, robot, _FAST_APPROACH_SPEED)
     if not avoiding:
         vx, vy = px, py
     dx, dy = vx - px, vy - py
     is_delayed = avoiding and dx * dx + dy * dy > 0.01
     delay = reactions.delay[k] + (dt if is_delayed else -0.5 * dt)
-    reactions.delay[k] = min(max(delay, 0.0), MAXIMUM_DELAY)
+    reactions.delay[k] = min(max(delay, 0.0), _MAXIMUM_DELAY)
     if not (reactions.notices[k] and is_walking):
         return False
     if vx != desired_x or vy != desired_y:
@@ -228,7 +221,7 @@ def _preferred_velocity(
         fx, fy = _flight_direction(ux, uy, robot[VX], robot[VY])
         return speed * fx, speed * fy
     if kind == CURIOUS and reactions.is_alone[k]:
-        approach = min(max((reactions.gap[k] - CURIOUS_CLEARANCE) / 0.5, -0.4), speed)
+        approach = min(max((reactions.gap[k] - _CURIOUS_CLEARANCE) / 0.5, -0.4), speed)
         return approach * ux, approach * uy
     return desired_x, desired_y
 
@@ -242,7 +235,7 @@ def _flight_direction(ux: float, uy: float, vx: float, vy: float) -> Vector:
         vx, vy: of the robot, m/s.
     """
     speed = max(math.sqrt(vx * vx + vy * vy), 1e-6)
-    along = max(-(ux * vx + uy * vy) / speed, 0.0) * ASIDE_FRACTION / speed
+    along = max(-(ux * vx + uy * vy) / speed, 0.0) * _ASIDE_FRACTION / speed
     x, y = -ux - along * vx, -uy - along * vy
     size = max(math.sqrt(x * x + y * y), 1e-6)
     return x / size, y / size
@@ -251,13 +244,12 @@ def _flight_direction(ux: float, uy: float, vx: float, vy: float) -> Vector:
 @subroutine
 def _passing_distance(reactions: Reactions, k: int) -> float:
     """The distance of centres at which pedestrian k wants to pass the robot now, m."""
-    patience = min(max((MAXIMUM_DELAY - reactions.delay[k]) / (MAXIMUM_DELAY - PATIENCE), 0.0), 1.0)
+    patience = min(max((_MAXIMUM_DELAY - reactions.delay[k]) / (_MAXIMUM_DELAY - _PATIENCE), 0.0), 1.0)
     clearance = reactions.clearance[k]
     if reactions.faces_robot[k] and reactions.kind[k] in (CURIOUS, STOPS):
-        clearance = min(clearance, CLOSE_CLEARANCE)
-    tight = min(clearance, TIGHT_CLEARANCE)
-    distance: float = reactions.contact_distance[k] + tight + (clearance - tight) * patience
-    return distance
+        clearance = min(clearance, _CLOSE_CLEARANCE)
+    tight = min(clearance, _TIGHT_CLEARANCE)
+    return float(reactions.contact_distance[k] + tight + (clearance - tight) * patience)
 
 
 @subroutine
@@ -307,6 +299,6 @@ def step_back(reactions: Reactions, k: int, robot: Array, x: float, y: float, ra
     for b in range(barriers.shape[0]):
         room = min(room, gap(barriers, b, x, y))
     room = room - radius - 0.05
-    step = max(STEP_BACK_RANGE - (distance - reactions.contact_distance[k]), 0.0)
-    step = min(min(step, MAXIMUM_STEP_BACK), max(room, 0.0))
+    step = max(_STEP_BACK_RANGE - (distance - reactions.contact_distance[k]), 0.0)
+    step = min(min(step, _MAXIMUM_STEP_BACK), max(room, 0.0))
     return x + dx * (step / distance), y + dy * (step / distance)

@@ -18,16 +18,16 @@ from ...core.visibility import is_clear
 
 ARRIVAL_DISTANCE = 0.5  # m from the goal
 EXIT_DISTANCE = 0.3  # m from the goal at which a pedestrian leaves
-CLUSTER_AREA = 0.7  # m^2, of each pedestrian in a cluster that stands at one goal
-LARGEST_CLUSTER = 3.0  # m, radius
-WAYPOINT_DISTANCE = 0.6  # m from a waypoint at which the next one becomes the target if nothing is in between
-REACHED_DISTANCE = 0.2  # m from a waypoint at which the next one becomes the target anyway
-ARRIVAL_BRAKING = 0.8  # m/s^2, of a walker that arrives where it will stay, or waits
-TURNING, BRAKING = 1.0, 1.0  # m/s^2, lateral and longitudinal, of a walker that turns at a waypoint
-CHECK_INTERVAL = 5  # ticks between checks whether paths are still free
-PROGRESS_INTERVAL = 30  # ticks in which a wandering pedestrian must make progress, else it chooses a new destination
-MINIMUM_PROGRESS = 0.4  # m
-ROOM_AHEAD = 1.5  # m, free distance that a follower needs to walk beside its leader, and a walker to turn at a corner
+_CLUSTER_AREA = 0.7  # m^2, of each pedestrian in a cluster that stands at one goal
+_LARGEST_CLUSTER = 3.0  # m, radius
+_WAYPOINT_DISTANCE = 0.6  # m from a waypoint at which the next one becomes the target if nothing is in between
+_REACHED_DISTANCE = 0.2  # m from a waypoint at which the next one becomes the target anyway
+_ARRIVAL_BRAKING = 0.8  # m/s^2, of a walker that arrives where it will stay, or waits
+_TURNING, _BRAKING = 1.0, 1.0  # m/s^2, lateral and longitudinal, of a walker that turns at a waypoint
+_CHECK_INTERVAL = 5  # ticks between checks whether paths are still free
+_PROGRESS_INTERVAL = 30  # ticks in which a wandering pedestrian must make progress, else it chooses a new destination
+_MINIMUM_PROGRESS = 0.4  # m
+_ROOM_AHEAD = 1.5  # m, free distance that a follower needs to walk beside its leader, and a walker to turn at a corner
 
 
 class Routes(NamedTuple):
@@ -115,12 +115,12 @@ def next_without_destination(
 
 @subroutine
 def _needs_destination(routes: Routes, k: int, tick: int, humans: Array) -> bool:
-    """Whether a pedestrian has arrived; without a path it tries again every `CHECK_INTERVAL`."""
+    """Whether a pedestrian has arrived; without a path it tries again every `_CHECK_INTERVAL`."""
     if routes.is_assigned[k] or routes.goals_left[k] == 0:
         return False
     count = routes.length[k]
     if count < 2:
-        return bool(count == 0 or tick % CHECK_INTERVAL == 0)
+        return bool(count == 0 or tick % _CHECK_INTERVAL == 0)
     last = routes.path[k, count - 1]
     return bool(routes.next[k] == count - 1 and is_near(humans[k, X], humans[k, Y], last[0], last[1], ARRIVAL_DISTANCE))
 
@@ -137,12 +137,12 @@ def _has_settled(
     if routes.is_assigned[k] or routes.is_exiting[k] or count == 0:
         return False
     x, y = routes.path[k, count - 1, 0], routes.path[k, count - 1, 1]
-    if not is_near(humans[k, X], humans[k, Y], x, y, LARGEST_CLUSTER):
+    if not is_near(humans[k, X], humans[k, Y], x, y, _LARGEST_CLUSTER):
         return False
     standing = 1
     for j in range(len(humans)):
-        standing += is_present[j] and not is_walking[j] and is_near(humans[j, X], humans[j, Y], x, y, LARGEST_CLUSTER)
-    radius = max(ARRIVAL_DISTANCE, math.sqrt(standing * CLUSTER_AREA / PI))
+        standing += is_present[j] and not is_walking[j] and is_near(humans[j, X], humans[j, Y], x, y, _LARGEST_CLUSTER)
+    radius = max(ARRIVAL_DISTANCE, math.sqrt(standing * _CLUSTER_AREA / PI))
     return is_near(humans[k, X], humans[k, Y], x, y, radius) and is_clear(
         barriers, 0.0, humans[k, X], humans[k, Y], x, y
     )
@@ -150,12 +150,12 @@ def _has_settled(
 
 @subroutine
 def _is_stuck(routes: Routes, k: int, tick: int, humans: Array) -> bool:
-    """Whether a wandering pedestrian made no progress since the last check, `PROGRESS_INTERVAL` ticks ago."""
-    if routes.goals_left[k] >= 0 or routes.is_assigned[k] or (tick + k) % PROGRESS_INTERVAL != 0:
+    """Whether a wandering pedestrian made no progress since the last check, `_PROGRESS_INTERVAL` ticks ago."""
+    if routes.goals_left[k] >= 0 or routes.is_assigned[k] or (tick + k) % _PROGRESS_INTERVAL != 0:
         return False
     x, y = routes.checkpoint[k, 0], routes.checkpoint[k, 1]
     routes.checkpoint[k, 0], routes.checkpoint[k, 1] = humans[k, X], humans[k, Y]
-    return not math.isnan(x) and is_near(humans[k, X], humans[k, Y], x, y, MINIMUM_PROGRESS)
+    return not math.isnan(x) and is_near(humans[k, X], humans[k, Y], x, y, _MINIMUM_PROGRESS)
 
 
 @subroutine
@@ -185,14 +185,14 @@ def advance_on_paths(
         step = routes.next[k]
         if step < routes.length[k] - 1:
             px, py, x, y = humans[k, X], humans[k, Y], routes.path[k, step, 0], routes.path[k, step, 1]
-            if is_near(px, py, x, y, WAYPOINT_DISTANCE):
+            if is_near(px, py, x, y, _WAYPOINT_DISTANCE):
                 # Behind a corner the way on may be near, but not in view.
                 dx, dy = routes.path[k, step + 1, 0] - px, routes.path[k, step + 1, 1] - py
-                part = min(1.0, ROOM_AHEAD / max(math.sqrt(dx * dx + dy * dy), 1e-6))
+                part = min(1.0, _ROOM_AHEAD / max(math.sqrt(dx * dx + dy * dy), 1e-6))
                 is_open = is_clear(solids, passable_clearance, px, py, px + dx * part, py + dy * part)
-                if is_open or is_near(px, py, x, y, REACHED_DISTANCE):
+                if is_open or is_near(px, py, x, y, _REACHED_DISTANCE):
                     routes.next[k] = step + 1
-    if tick % CHECK_INTERVAL != 0 or not has_path:
+    if tick % _CHECK_INTERVAL != 0 or not has_path:
         return False
     _find_room_abreast(routes, humans, is_present, space, space_clearance)
     any_blocked = False
@@ -223,7 +223,7 @@ def _find_room_abreast(routes: Routes, humans: Array, is_present: BoolArray, spa
             continue
         dx, dy = routes.target[first, 0] - humans[first, X], routes.target[first, 1] - humans[first, Y]
         distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
-        scale = min(distance, ROOM_AHEAD) / distance
+        scale = min(distance, _ROOM_AHEAD) / distance
         x, y = humans[k, X], humans[k, Y]
         routes.is_abreast[k] = is_clear(space, clearance, x, y, x + dx * scale, y + dy * scale)
 
@@ -263,7 +263,7 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray) -> None:
 @subroutine
 def stopping_speed(distance: float) -> float:
     """The speed from which a walker stops at a distance, m, if it brakes evenly; m/s."""
-    return math.sqrt(2.0 * ARRIVAL_BRAKING * distance)
+    return math.sqrt(2.0 * _ARRIVAL_BRAKING * distance)
 
 
 @subroutine
@@ -278,10 +278,10 @@ def corner_speed(routes: Routes, k: int, x: float, y: float) -> float:
     if a < 1e-3 or b < 1e-3:
         return math.inf
     cosine = (ax * bx + ay * by) / (a * b)
-    # a turn by the angle p begins `WAYPOINT_DISTANCE` before the waypoint, and has the radius of that over tan(p / 2)
+    # a turn by the angle p begins `_WAYPOINT_DISTANCE` before the waypoint, and has the radius of that over tan(p / 2)
     half = math.sqrt(max(1.0 - cosine, 0.0) / max(1.0 + cosine, 1e-6))
-    square = TURNING * WAYPOINT_DISTANCE / max(half, 1e-6)
-    return math.sqrt(square + 2.0 * BRAKING * max(a - WAYPOINT_DISTANCE, 0.0))
+    square = _TURNING * _WAYPOINT_DISTANCE / max(half, 1e-6)
+    return math.sqrt(square + 2.0 * _BRAKING * max(a - _WAYPOINT_DISTANCE, 0.0))
 
 
 @subroutine

@@ -18,12 +18,12 @@ from .models.base import Walkers
 APERTURE_RATIO = 1.3  # of a gap to the breadth of a body that passes it
 MAXIMUM_TWIST = PI / 3  # rad, of the shoulders among people
 MAXIMUM_TWIST_IN_GAP = 4.0 * PI / 9  # rad, between walls
-GAP_AHEAD = 0.35  # m, where walls are looked for besides the present position
-NEAR_BEHIND, NEAR_AHEAD = 0.1, 0.7  # m, behind and ahead of the centre, between which other pedestrians count
-WALL_AHEAD = 0.2  # m, by which the nearest point of a wall can be off the line across the direction
-OPPOSITE = -0.8  # cosine of the angle between the directions to two walls, below which they form a gap
-BESIDE = 1.0  # m, to each side; what is farther away leaves room
-UNDECIDED = 0.1  # m, difference of the room at both sides below which a twist keeps its side
+_GAP_AHEAD = 0.35  # m, where walls are looked for besides the present position
+_NEAR_BEHIND, _NEAR_AHEAD = 0.1, 0.7  # m, behind and ahead of the centre, between which other pedestrians count
+_WALL_AHEAD = 0.2  # m, by which the nearest point of a wall can be off the line across the direction
+_OPPOSITE = -0.8  # cosine of the angle between the directions to two walls, below which they form a gap
+_BESIDE = 1.0  # m, to each side; what is farther away leaves room
+_UNDECIDED = 0.1  # m, difference of the room at both sides below which a twist keeps its side
 
 
 @subroutine
@@ -44,17 +44,17 @@ def wanted_twist(walkers: Walkers, i: int, barriers: Array, twist: float, side: 
     if not breadth > depth:
         return 0.0
     ex, ey = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
-    left, right = BESIDE, BESIDE  # free distance from the centre
-    gap = 2.0 * BESIDE  # between walls on opposite sides
+    left, right = _BESIDE, _BESIDE  # free distance from the centre
+    gap = 2.0 * _BESIDE  # between walls on opposite sides
     for n in range(2):
-        px, py, wall_left, wall_right = x + ex * GAP_AHEAD * n, y + ey * GAP_AHEAD * n, BESIDE, BESIDE
+        px, py, wall_left, wall_right = x + ex * _GAP_AHEAD * n, y + ey * _GAP_AHEAD * n, _BESIDE, _BESIDE
         lx, ly, rx, ry = 0.0, 0.0, 0.0, 0.0  # unit vectors to the nearest walls
         for b in range(len(barriers)):
             dx, dy = towards(barriers, b, px, py)
             ahead, aside = dx * ex + dy * ey, ex * dy - ey * dx
             distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
             free = distance - barriers[b, RADIUS]
-            if not (abs(ahead) < WALL_AHEAD and free < BESIDE):
+            if not (abs(ahead) < _WALL_AHEAD and free < _BESIDE):
                 continue
             if aside > 0.0:
                 if free < wall_left:
@@ -62,13 +62,13 @@ def wanted_twist(walkers: Walkers, i: int, barriers: Array, twist: float, side: 
             elif free < wall_right:
                 wall_right, rx, ry = free, dx / distance, dy / distance
         left, right = min(left, wall_left), min(right, wall_right)
-        if lx * rx + ly * ry < OPPOSITE:
+        if lx * rx + ly * ry < _OPPOSITE:
             gap = min(gap, wall_left + wall_right)
     for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
         j = walkers.neighbour[n]
         dx, dy = walkers.position[j, 0] - x, walkers.position[j, 1] - y
         ahead, aside = dx * ex + dy * ey, ex * dy - ey * dx
-        if walkers.attention[n] > 0.0 and -NEAR_BEHIND < ahead < NEAR_AHEAD and abs(aside) < BESIDE:
+        if walkers.attention[n] > 0.0 and -_NEAR_BEHIND < ahead < _NEAR_AHEAD and abs(aside) < _BESIDE:
             bx, by = walkers.body_direction[j, 0], walkers.body_direction[j, 1]
             extent = walkers.radius[j] + walkers.shoulder[j] * abs(bx * ex + by * ey)
             if abs(aside) < extent:
@@ -83,7 +83,7 @@ def wanted_twist(walkers: Walkers, i: int, barriers: Array, twist: float, side: 
     if angle == 0.0:
         return 0.0
     sign = 1.0 if left < right else -1.0
-    if abs(left - right) < UNDECIDED:
+    if abs(left - right) < _UNDECIDED:
         sign = side if twist == 0.0 else (1.0 if twist > 0.0 else -1.0)
     return sign * angle
 

@@ -8,12 +8,12 @@ from ...core.compiled.kernel import subroutine
 from ...core.compiled.scalar import Vector
 from ...core.portable_math import Array
 
-HORIZON, FULL_HORIZON = 5.0, 3.0  # s to the closest approach: evasion begins at the first and is complete at the second
-BEHIND_BONUS = 0.25  # m/s, cost advantage of passing behind the disc
-HABIT_BONUS = 0.25  # m/s, cost advantage of the side chosen before
-MINIMUM_SPEED_FRACTION = 0.6  # of the relative speed, for agents that are too near and walk round the disc
+_HORIZON, _FULL_HORIZON = 5.0, 3.0  # s to the closest approach: where evasion begins, and where it is complete
+_BEHIND_BONUS = 0.25  # m/s, cost advantage of passing behind the disc
+_HABIT_BONUS = 0.25  # m/s, cost advantage of the side chosen before
+_MINIMUM_SPEED_FRACTION = 0.6  # of the relative speed, for agents that are too near and walk round the disc
 WALL_TIME = 0.5  # s, within which an evading agent must not reach a wall
-RETREAT_RATE = 0.8  # 1/s, rate at which agents that are too near restore the distance
+_RETREAT_RATE = 0.8  # 1/s, rate at which agents that are too near restore the distance
 
 
 @subroutine
@@ -35,7 +35,7 @@ def limited_by_walls(walls: Array, vx: float, vy: float) -> Vector:
 
 @subroutine
 def in_conflict(x: float, y: float, vx: float, vy: float, distance: float) -> bool:
-    """Whether an agent would come nearer to the disc than the distance within `HORIZON`.
+    """Whether an agent would come nearer to the disc than the distance within `_HORIZON`.
 
     Args:
         x, y: from the agent to the disc, m.
@@ -48,7 +48,7 @@ def in_conflict(x: float, y: float, vx: float, vy: float, distance: float) -> bo
     speed = max(math.sqrt(vx * vx + vy * vy), 1e-6)
     miss_distance = abs(across) * size / speed
     time = closing * size / (speed * speed)
-    return closing > 0.0 and miss_distance < distance and time < HORIZON
+    return closing > 0.0 and miss_distance < distance and time < _HORIZON
 
 
 @subroutine
@@ -86,7 +86,7 @@ def evasive_velocity(
     sine = min(distance / centre_distance, 1.0)
     cosine = math.sqrt(1.0 - sine * sine)
     behind = px * disc_vy - py * disc_vx  # > 0: the disc moves to the left, so the right is behind it
-    retreat = (centre_distance - distance) * RETREAT_RATE
+    retreat = (centre_distance - distance) * _RETREAT_RATE
     best, chosen, edge_x, edge_y = 0.0, 0.0, 0.0, 0.0
     for n in range(2):
         sign = 1.0 - 2.0 * n
@@ -95,12 +95,12 @@ def evasive_velocity(
         lx, ly = lx - disc_vx - ex, ly - disc_vy - ey
         cost = math.sqrt((ex - wx) * (ex - wx) + (ey - wy) * (ey - wy))
         cost = cost + math.sqrt(lx * lx + ly * ly)
-        cost = cost + (BEHIND_BONUS if sign * behind > 0.05 else 0.0)
-        cost = cost - (HABIT_BONUS if previous_side == sign else 0.0)
+        cost = cost + (_BEHIND_BONUS if sign * behind > 0.05 else 0.0)
+        cost = cost - (_HABIT_BONUS if previous_side == sign else 0.0)
         cost = cost + (1e-6 if sign * side > 0.0 else 0.0)
         if n == 0 or not best < cost:
             best, chosen, edge_x, edge_y = cost, sign, ex, ey
-    fraction = min((HORIZON - time) / (HORIZON - FULL_HORIZON), 1.0)
+    fraction = min((_HORIZON - time) / (_HORIZON - _FULL_HORIZON), 1.0)
     return (
         preferred_x + (disc_vx + edge_x - preferred_x) * fraction,
         preferred_y + (disc_vy + edge_y - preferred_y) * fraction,
@@ -120,6 +120,6 @@ def _edge_velocity(
     ex, ey = px * cosine + lx * sine, py * cosine + ly * sine
     along = max(ex * wx + ey * wy, 0.0)
     if retreat < 0.0:
-        along = max(along, MINIMUM_SPEED_FRACTION * speed)
+        along = max(along, _MINIMUM_SPEED_FRACTION * speed)
     back = min(retreat, 0.0)
     return ex * along + px * back, ey * along + py * back

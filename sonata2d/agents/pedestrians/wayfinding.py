@@ -16,6 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ...core.compiled.packing import zeros
 from ...core.entities import PERSON_RADIUS, Place
 from ...core.geometry import Barriers, Point, as_point
 from ...core.humans import VX, VY, X, Y
@@ -26,17 +27,17 @@ from ...core.scene import Scene
 from ...core.vectors import length
 from .routes import Routes, is_near
 
-CLEARANCE = 0.05  # m, of shoulders from walls, furniture and standing people, where there is room
-TIGHT_CLEARANCE = 0.03  # m, of a body that passes sideways, where a body cannot pass ahead
-DETOUR = 1.3  # largest ratio of the lengths of a path with room and of a path without, at which the first is preferred
-WALL_TOLERANCE = 0.05  # m, by which a body may overlap a wall before its path counts as blocked
-SPOT_SPACING = 0.7  # m, between the places at which pedestrians stand for a time
-DOORWAY_DEPTH = 0.4  # m, in front of a door, where pedestrians neither stand nor wander to
-BRAKING_TIME = 0.5  # s, in which the velocity of a pedestrian that stops carries it to where it will stand
-STOPPING_DISTANCE = 0.8  # m from the goal, within which a pedestrian that is to stand there has arrived
-TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims
-MINIMUM_TRIP = 2.0  # m; random destinations nearer than this are rejected
-MEMBER_HALF_WIDTH = 0.4  # m, half the width that each member of a group needs at its destination
+_CLEARANCE = 0.05  # m, of shoulders from walls, furniture and standing people, where there is room
+_TIGHT_CLEARANCE = 0.03  # m, of a body that passes sideways, where a body cannot pass ahead
+_DETOUR = 1.3  # largest ratio of the lengths of a path with room and of a path without, at which the first is preferred
+_WALL_TOLERANCE = 0.05  # m, by which a body may overlap a wall before its path counts as blocked
+_SPOT_SPACING = 0.7  # m, between the places at which pedestrians stand for a time
+_DOORWAY_DEPTH = 0.4  # m, in front of a door, where pedestrians neither stand nor wander to
+_BRAKING_TIME = 0.5  # s, in which the velocity of a pedestrian that stops carries it to where it will stand
+_STOPPING_DISTANCE = 0.8  # m from the goal, within which a pedestrian that is to stand there has arrived
+_TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims
+_MINIMUM_TRIP = 2.0  # m; random destinations nearer than this are rejected
+_MEMBER_HALF_WIDTH = 0.4  # m, half the width that each member of a group needs at its destination
 _ATTEMPTS = 30
 _WAYPOINTS = 8  # initial length of a row of `Routes.path`
 
@@ -65,7 +66,7 @@ class Wayfinding:
         self._scene = scene
         walking = [k for k, human in enumerate(humans) if human.behaviour in ("wandering", "walking")]
         self._recorded = [k for k, human in enumerate(humans) if human.behaviour == "recorded"]
-        self._track_look_ahead = int(TRACK_LOOK_AHEAD / scene.rules.dt + 0.5)  # ticks
+        self._track_look_ahead = int(_TRACK_LOOK_AHEAD / scene.rules.dt + 0.5)  # ticks
         self._rng = AgentStreams(scene.seed, scene.episode, "people", scene.human_table.id.tolist())
         self._goals = {k: list(humans[k].goals) for k in walking if humans[k].behaviour == "walking"}
         self._stays = {k: list(humans[k].stays) for k in self._goals}  # at these goals, s
@@ -78,27 +79,20 @@ class Wayfinding:
         self._has_groups = any(group.kind == "walking" for group in scene.groups)
         self._has_exits = any(human.exits for human in humans)
         self._versions = 0
-        self.routes = Routes(
+        self.routes = zeros(
+            Routes,
+            count,
             order=np.array(walking, dtype=np.int64),
             leader=np.full(count, -1),
             first=np.arange(count),
             path=np.zeros((count, _WAYPOINTS, 2)),
-            length=np.zeros(count, dtype=np.int64),
-            next=np.zeros(count, dtype=np.int64),
-            version=np.zeros(count, dtype=np.int64),
             copied=np.full(count, -1),
             goals_left=np.array(
                 [len(self._goals[k]) if k in self._goals else -1 for k in range(count)], dtype=np.int64
             ),
-            is_assigned=np.zeros(count, dtype=bool),
-            is_stopping=np.zeros(count, dtype=bool),
             is_exiting=np.array([human.exits for human in humans], dtype=bool),
-            is_abreast=np.zeros(count, dtype=bool),
             checkpoint=np.full((count, 2), math.nan),
             target=scene.human_table.position.copy(),
-            is_final=np.zeros(count, dtype=bool),
-            is_leaving=np.zeros(count, dtype=bool),
-            is_blocked=np.zeros(count, dtype=bool),
         )
         self._choose_leaders(walking)
         self.choose_task: Callable[[int, Point], bool] | None = None
@@ -106,9 +100,6 @@ class Wayfinding:
         may_walk = range(count) if scene.social.is_lively else walking
         self._depth = max((humans[k].radius for k in may_walk), default=PERSON_RADIUS)
         self._breadth = max((humans[k].shape.circumradius for k in may_walk), default=PERSON_RADIUS)
-        self.space: FreeSpace
-        self.tight: FreeSpace
-        self.passable: FreeSpace
         self._robot = Barriers.of(())
         self.set_obstacles(scene.standing_humans, scene.shared_spaces)
         xs, ys = zip(*scene.polygon, strict=True)
@@ -134,7 +125,7 @@ class Wayfinding:
             self.routes.is_stopping[k] = False
             x, y = self._end(k)
             # A pedestrian without progress is somewhere else on its path.
-            if self.start_stay is not None and is_near(position[0], position[1], x, y, STOPPING_DISTANCE):
+            if self.start_stay is not None and is_near(position[0], position[1], x, y, _STOPPING_DISTANCE):
                 self._stay_here(k, position, self._stay[k])
                 return
         if self.routes.goals_left[k] == 0:
@@ -152,20 +143,20 @@ class Wayfinding:
             return
         rng = self._rng[k]
         followers = int(np.count_nonzero(self.routes.leader == k)) if self._has_groups else 1
-        group_half_width = MEMBER_HALF_WIDTH * followers
+        group_half_width = _MEMBER_HALF_WIDTH * followers
         for attempt in range(_ATTEMPTS):
             # The first half of the attempts looks for an untaken place of interest with room for all members.
             is_choosy = attempt < _ATTEMPTS // 2
             place = self._choose_place(k) if is_choosy else None
             goal = self._draw_goal(k, place)
-            if place is None and is_near(position[0], position[1], goal[0], goal[1], MINIMUM_TRIP):
+            if place is None and is_near(position[0], position[1], goal[0], goal[1], _MINIMUM_TRIP):
                 continue
             if not self.space.is_free_at(goal) or (is_choosy and self._is_taken(k, goal)):
                 continue
             # A choosy leader goes where the group can walk abreast as it stands, and where all members have room.
             if is_choosy and self._is_in_file(k, position, goal):
                 continue
-            needs_room = group_half_width > MEMBER_HALF_WIDTH and is_choosy
+            needs_room = group_half_width > _MEMBER_HALF_WIDTH and is_choosy
             if needs_room and self._scene.barriers.gaps(np.array([goal])).min() < group_half_width:
                 continue
             path = self.find_path(position, goal)
@@ -196,7 +187,7 @@ class Wayfinding:
     def resting_place(self, k: int, position: Point) -> Point:
         """Where pedestrian k comes to rest if it brakes now, at a position; m."""
         vx, vy = self._velocity[k].tolist()
-        place = position[0] + vx * BRAKING_TIME, position[1] + vy * BRAKING_TIME
+        place = position[0] + vx * _BRAKING_TIME, position[1] + vy * _BRAKING_TIME
         return place if self.space.is_free_at(place) else position
 
     def reserve(self, k: int, place: Point) -> None:
@@ -229,7 +220,7 @@ class Wayfinding:
     def _is_taken(self, k: int, goal: Point) -> bool:
         """Whether pedestrian k would stand where another one stands for a time, or will, or in front of a door."""
         offset = self._spots - goal
-        near = offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1] < SPOT_SPACING * SPOT_SPACING
+        near = offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1] < _SPOT_SPACING * _SPOT_SPACING
         near[k] = False
         near &= self._is_present
         return bool(near.any()) or any(is_near(x, y, *goal, radius) for x, y, radius in self._kept_free)
@@ -262,10 +253,10 @@ class Wayfinding:
         solids = self._scene.barriers.joined(self._standing).joined(self._robot)
         shared_spaces = self._shared_spaces
         obstacles, outline = solids.joined(shared_spaces), self._scene.outline
-        self.space = FreeSpace(outline, obstacles, self._breadth + CLEARANCE)
-        self.tight = FreeSpace(outline, obstacles, self._depth + TIGHT_CLEARANCE)
-        self.passable = FreeSpace(outline, solids, self._depth - WALL_TOLERANCE)
-        self._places = FreeSpace(outline, solids, self._breadth + CLEARANCE)  # also those between people who talk
+        self.space = FreeSpace(outline, obstacles, self._breadth + _CLEARANCE)
+        self.tight = FreeSpace(outline, obstacles, self._depth + _TIGHT_CLEARANCE)
+        self.passable = FreeSpace(outline, solids, self._depth - _WALL_TOLERANCE)
+        self._places = FreeSpace(outline, solids, self._breadth + _CLEARANCE)  # also those between people who talk
 
     def find_path(self, start: Point, goal: Point) -> Array | None:
         """The path to a goal with room for the shoulders, or a shorter one on which they must turn.
@@ -282,7 +273,7 @@ class Wayfinding:
         tight = self.tight.path(start, goal)
         if path is None or tight is None:
             return tight if path is None else path
-        return tight if _length(path) > DETOUR * _length(tight) else path
+        return tight if _length(path) > _DETOUR * _length(tight) else path
 
     def is_open(self, start: Point, end: Point) -> bool:
         """Whether a pedestrian can stand at the end, and walk there straight from the start; m."""
@@ -387,8 +378,8 @@ class Wayfinding:
 
 def _discs_kept_free(scene: Scene) -> list[tuple[float, float, float]]:
     """Discs in which no random destination lies, x, y and radius, m: in front of doors, and along queues."""
-    discs = [(*door.pose.to_world((DOORWAY_DEPTH, 0.0)), door.width / 2 + DOORWAY_DEPTH) for door in scene.doors]
-    return discs + [(*q.slot(number), SPOT_SPACING) for q in scene.queues for number in range(q.capacity)]
+    discs = [(*door.pose.to_world((_DOORWAY_DEPTH, 0.0)), door.width / 2 + _DOORWAY_DEPTH) for door in scene.doors]
+    return discs + [(*q.slot(number), _SPOT_SPACING) for q in scene.queues for number in range(q.capacity)]
 
 
 def _length(path: Array) -> float:

@@ -86,6 +86,13 @@ def layout(kind: type) -> tuple[_Field, ...]:
     return tuple(fields)
 
 
+def zeros(kind: type[T], count: int, /, **fields: Any) -> T:
+    """A named tuple of arrays of zeros, with `count` rows (and 2 columns), except for the given fields."""
+    others = [field for field in layout(kind) if field.name not in fields]
+    arrays = {name: np.zeros((count, *(2,) * (dimensions - 1)), dtype) for name, dtype, dimensions in others}
+    return kind(**arrays, **fields)
+
+
 @cache
 def _layout_id(kind: type) -> int:
     """A number that classes share only if their fields have the same names and types."""

@@ -9,6 +9,7 @@ compiled code passes every array of a tuple, which would take longer than the te
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -106,25 +107,33 @@ class PedestrianModel(Protocol):
 class KernelModel:
     """Base class of the models that are kernels: keeps what kernels need of a scene, in the types that they take.
 
-    Subclasses pass `_barriers` (rows of `Barriers.table`), `_side` (+1 or -1), `_dt` (s) and `_output(walkers)` to
-    their kernels.
+    Subclasses name their `kernel`, or pass `_barriers` (rows of `Barriers.table`), `_side` (+1 or -1), `_dt` (s) and
+    `_output(walkers)` to it in an `acceleration` of their own.
 
     Args:
         scene: its walls and furniture, the side of its rules and its tick.
 
     Attributes:
         parameters: of the model, a named tuple of floats.
+        kernel: its arguments are the packed input and parameters, barriers, side, dt, and the array for the result.
     """
 
     evaluations = 1
     headed = False
     parameters: tuple[Any, ...] = ()
+    kernel: Callable[..., None]
 
     def __init__(self, scene: Scene) -> None:
         self._barriers, self._side, self._dt = scene.barriers.table, float(scene.rules.side), float(scene.rules.dt)
         self._parameters = pack(self.parameters) if self.parameters else None
         self._result = np.zeros((0, 2))
         self._walkers: Packed[Walkers] | None = None  # the last input
+
+    def acceleration(self, walkers: Walkers) -> Array:
+        """Acceleration of the agents that walk, by the kernel; see `PedestrianModel.acceleration`."""
+        acceleration = self._output(walkers)
+        self.kernel(self._packed(walkers), self._parameters, self._barriers, self._side, self._dt, acceleration)
+        return acceleration
 
     def _packed(self, walkers: Walkers) -> Any:
         """The packed input; agents are mostly the same arrays as at the last call."""
@@ -133,9 +142,10 @@ class KernelModel:
         return self._walkers.argument
 
     def _output(self, walkers: Walkers) -> Array:
-        """The array (M, 2) for the accelerations, the same one while M is the same."""
+        """The array (M, 2) for the accelerations, of zeros; the same one while M is the same."""
         if len(self._result) != len(walkers.position):
             self._result = np.zeros((len(walkers.position), 2))
+        self._result.fill(0.0)
         return self._result
 
 
@@ -197,9 +207,9 @@ def desired_acceleration(walkers: Walkers, i: int, direction: Vector, relaxation
     return (direction[0] * speed - walkers.velocity[i, 0]) / tau, (direction[1] * speed - walkers.velocity[i, 1]) / tau
 
 
-STANDING_RATE = 2.0  # 1/s; most of the way back takes about 2 / STANDING_RATE seconds
+_STANDING_RATE = 2.0  # 1/s; most of the way back takes about 2 / _STANDING_RATE seconds
 STEP_SPEED = 0.25  # m/s, of steps sideways and backwards
-STANDING_LIMIT = 1.5  # m/s^2, so that a pedestrian that stops to stand brakes as walkers do
+_STANDING_LIMIT = 1.5  # m/s^2, so that a pedestrian that stops to stand brakes as walkers do
 
 
 @subroutine
@@ -219,18 +229,18 @@ def standing_acceleration(
     Returns:
         m/s^2.
     """
-    stiffness, damping = STANDING_RATE * STANDING_RATE, 2.0 * STANDING_RATE
+    stiffness, damping = _STANDING_RATE * _STANDING_RATE, 2.0 * _STANDING_RATE
     dx, dy = standing_x - x, standing_y - y
     distance = max(length(dx, dy), 1e-6)
     ahead = max((dx * body_x + dy * body_y) / distance, 0.0)
-    reach = STEP_SPEED * (1.0 + ahead) * 2.0 / STANDING_RATE  # m, from which the spring moves a body at this speed
+    reach = STEP_SPEED * (1.0 + ahead) * 2.0 / _STANDING_RATE  # m, from which the spring moves a body at this speed
     scale = min(1.0, reach / distance)
     ax, ay = dx * scale * stiffness - vx * damping, dy * scale * stiffness - vy * damping
-    scale = min(1.0, STANDING_LIMIT / max(length(ax, ay), 1e-6))
+    scale = min(1.0, _STANDING_LIMIT / max(length(ax, ay), 1e-6))
     return ax * scale, ay * scale
 
 
-SIDE_BIAS = 0.003  # sideways component of a biased direction: 3 mm per metre
+_SIDE_BIAS = 0.003  # sideways component of a biased direction: 3 mm per metre
 
 
 @subroutine
@@ -249,7 +259,7 @@ def biased_direction(x: float, y: float, side: float) -> Vector:
 
     Source: ours.
     """
-    return x + side * SIDE_BIAS * y, y - side * SIDE_BIAS * x
+    return x + side * _SIDE_BIAS * y, y - side * _SIDE_BIAS * x
 
 
 @subroutine

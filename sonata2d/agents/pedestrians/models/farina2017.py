@@ -89,13 +89,12 @@ def headed_group_acceleration(walkers: Walkers, i: int, body_direction: Vector, 
 
 @kernel
 def _accelerations(
-    packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, acceleration: Array
+    packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, dt: float, acceleration: Array
 ) -> None:
-    """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
+    """Accelerations of the agents that walk, into `acceleration` (M, 2) of zeros, m/s^2."""
     walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Farina2017)
     contact = parameters.contact
     for i in range(len(acceleration)):
-        acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
         if not walkers.walks[i]:
             continue
         agents = contact_acceleration(walkers, i, contact)
@@ -120,12 +119,6 @@ class Farina2017Model(KernelModel):
     Source: Farina et al., PLoS ONE 12(1) (2017) e0169734.
     """
 
-    parameters = PARAMETERS
-
+    parameters, kernel = PARAMETERS, staticmethod(_accelerations)
     evaluations = 10
     headed = True
-
-    def acceleration(self, walkers: Walkers) -> Array:
-        acceleration = self._output(walkers)
-        _accelerations(self._packed(walkers), self._parameters, self._barriers, self._side, acceleration)
-        return acceleration

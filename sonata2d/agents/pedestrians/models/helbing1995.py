@@ -36,7 +36,7 @@ PARAMETERS = Helbing1995()
 
 
 @subroutine
-def step_direction(walkers: Walkers, i: int) -> Vector:
+def _step_direction(walkers: Walkers, i: int) -> Vector:
     """Unit vector along which an agent steps and sees: its desired direction, or its heading if it stands."""
     x, y = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
     if x == 0.0 and y == 0.0:
@@ -47,7 +47,7 @@ def step_direction(walkers: Walkers, i: int) -> Vector:
 @subroutine
 def next_step(walkers: Walkers, i: int, parameters: Helbing1995) -> tuple[float, float, float]:
     """The next step of an agent: v Δt e (x, y) and v Δt, m."""
-    x, y = step_direction(walkers, i)
+    x, y = _step_direction(walkers, i)
     size = parameters.step_time * length(walkers.velocity[i, 0], walkers.velocity[i, 1])
     return size * x, size * y, size
 
@@ -88,19 +88,18 @@ def elliptical_acceleration(
 
 @kernel
 def _accelerations(
-    packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, acceleration: Array
+    packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, dt: float, acceleration: Array
 ) -> None:
-    """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
+    """Accelerations of the agents that walk, into `acceleration` (M, 2) of zeros, m/s^2."""
     walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Helbing1995)
     p, position = parameters, walkers.position
     step = np.empty((len(position), 3))
     for j in range(len(position)):
         step[j, 0], step[j, 1], step[j, 2] = next_step(walkers, j, p)
     for i in range(len(position)):
-        acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
         if not walkers.walks[i]:
             continue
-        sight_direction = step_direction(walkers, i)
+        sight_direction = _step_direction(walkers, i)
         total_x, total_y = 0.0, 0.0
         for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
             if walkers.attention[n] != 0.0:
@@ -127,11 +126,5 @@ class Helbing1995Model(KernelModel):
     `Crowd`, to every model.
     """
 
-    parameters = PARAMETERS
-
+    parameters, kernel = PARAMETERS, staticmethod(_accelerations)
     evaluations = 2
-
-    def acceleration(self, walkers: Walkers) -> Array:
-        acceleration = self._output(walkers)
-        _accelerations(self._packed(walkers), self._parameters, self._barriers, self._side, acceleration)
-        return acceleration

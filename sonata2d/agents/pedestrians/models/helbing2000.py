@@ -29,7 +29,7 @@ PARAMETERS = Helbing2000()
 
 
 @subroutine
-def pair_acceleration(nx: float, ny: float, overlap: float, wx: float, wy: float, parameters: Helbing2000) -> Vector:
+def _pair_acceleration(nx: float, ny: float, overlap: float, wx: float, wy: float, parameters: Helbing2000) -> Vector:
     """Acceleration by an agent or a wall, ([A exp(overlap/B) + k g] n + κ g (w · t) t) / m.
 
     Args:
@@ -76,7 +76,7 @@ def contact_acceleration(walkers: Walkers, i: int, parameters: Helbing2000) -> V
             distance = d if d > 1e-6 else 1.0  # at the same position: no direction, no force
             overlap = radius[j] + shoulder[j] + own_radius - d  # r_ij - d_ij
             wx, wy = velocity[j, 0] - velocity[i, 0], velocity[j, 1] - velocity[i, 1]  # v_j - v_i
-            x, y = pair_acceleration(nx / distance, ny / distance, overlap, wx, wy, parameters)
+            x, y = _pair_acceleration(nx / distance, ny / distance, overlap, wx, wy, parameters)
             total_x += weight * x
             total_y += weight * y
     return total_x, total_y
@@ -105,7 +105,7 @@ def wall_contact_acceleration(walkers: Walkers, i: int, barriers: Array, paramet
         d = length(x, y)
         distance = d if d > 1e-6 else 1.0
         overlap = radius + barriers[k, RADIUS] - d  # r_i - d_iW
-        x, y = pair_acceleration(-x / distance, -y / distance, overlap, -vx, -vy, parameters)
+        x, y = _pair_acceleration(-x / distance, -y / distance, overlap, -vx, -vy, parameters)
         total_x += x
         total_y += y
     return total_x, total_y
@@ -113,12 +113,11 @@ def wall_contact_acceleration(walkers: Walkers, i: int, barriers: Array, paramet
 
 @kernel
 def _accelerations(
-    packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, acceleration: Array
+    packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, dt: float, acceleration: Array
 ) -> None:
-    """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
+    """Accelerations of the agents that walk, into `acceleration` (M, 2) of zeros, m/s^2."""
     walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Helbing2000)
     for i in range(len(acceleration)):
-        acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
         if walkers.walks[i]:
             others = contact_acceleration(walkers, i, parameters)
             walls = wall_contact_acceleration(walkers, i, barriers, parameters)
@@ -136,11 +135,5 @@ class Helbing2000Model(KernelModel):
     Source: Helbing, Farkas & Vicsek, Nature 407 (2000) 487.
     """
 
-    parameters = PARAMETERS
-
+    parameters, kernel = PARAMETERS, staticmethod(_accelerations)
     evaluations = 10
-
-    def acceleration(self, walkers: Walkers) -> Array:
-        acceleration = self._output(walkers)
-        _accelerations(self._packed(walkers), self._parameters, self._barriers, self._side, acceleration)
-        return acceleration

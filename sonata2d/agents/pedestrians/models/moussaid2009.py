@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ....core.compiled.kernel import kernel, subroutine
-from ....core.compiled.packing import pack, unpack
+from ....core.compiled.packing import unpack
 from ....core.compiled.scalar import Vector, angle_of, exp, length
 from ....core.portable_math import Array
-from ....core.scene import Scene
 from .base import KernelModel, Walkers, desired_acceleration, offset_of_group, wall_acceleration
 
 
@@ -22,9 +21,6 @@ class Moussaid2010(NamedTuple):
     cohesion: float = 3.0  # β2, m/s^2
     repulsion: float = 1.0  # β3, m/s^2
     repulsion_distance: float = 0.55  # d0, m
-
-
-GROUP_PARAMETERS = Moussaid2010()
 
 
 @subroutine
@@ -63,13 +59,10 @@ def group_acceleration(walkers: Walkers, i: int, parameters: Moussaid2010) -> Ve
                 push_x += push * dx
                 push_y += push * dy
     brake = -parameters.gaze * behind
-    return (
-        brake * walkers.velocity[i, 0] + pull * ux + push_x,
-        brake * walkers.velocity[i, 1] + pull * uy + push_y,
-    )
+    return (brake * walkers.velocity[i, 0] + pull * ux + push_x, brake * walkers.velocity[i, 1] + pull * uy + push_y)
 
 
-MEASURED_RADIUS = 0.20  # m, of the people that the model was fitted to
+_MEASURED_RADIUS = 0.20  # m, of the people that the model was fitted to
 
 
 class Moussaid2009(NamedTuple):
@@ -89,6 +82,7 @@ class Moussaid2009(NamedTuple):
     relaxation_time: float = 0.54  # τ, s
     wall_strength: float = 3.0  # a, m/s^2
     wall_decay_length: float = 0.1  # b, m
+    group: Moussaid2010 = Moussaid2010()
 
 
 PARAMETERS = Moussaid2009()
@@ -135,20 +129,17 @@ def interaction_acceleration(
 @subroutine
 def excess_radius_of(radius: float, other_radius: float) -> float:
     """Excess of the radii of a pair over the radii of the people that the model was fitted to, m."""
-    return max(radius + other_radius - 2.0 * MEASURED_RADIUS, 0.0)
+    return max(radius + other_radius - 2.0 * _MEASURED_RADIUS, 0.0)
 
 
 @kernel
 def _accelerations(
-    packed_walkers: Any, packed_parameters: Any, packed_group_parameters: Any, barriers: Array, side: float,
-    acceleration: Array,
-) -> None:  # fmt: skip
-    """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
+    packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, dt: float, acceleration: Array
+) -> None:
+    """Accelerations of the agents that walk, into `acceleration` (M, 2) of zeros, m/s^2."""
     walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Moussaid2009)
-    group_parameters = unpack(packed_group_parameters, Moussaid2010)
     p, position, velocity = parameters, walkers.position, walkers.velocity
     for i in range(len(position)):
-        acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
         if not walkers.walks[i]:
             continue
         total_x, total_y = 0.0, 0.0
@@ -166,7 +157,7 @@ def _accelerations(
         )
         direction = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
         drive = desired_acceleration(walkers, i, direction, p.relaxation_time)
-        group = group_acceleration(walkers, i, group_parameters)
+        group = group_acceleration(walkers, i, p.group)
         acceleration[i, 0] = total_x + wall[0] + drive[0] + group[0]
         acceleration[i, 1] = total_y + wall[1] + drive[1] + group[1]
 
@@ -179,15 +170,4 @@ class Moussaid2009Model(KernelModel):
     Source: Moussaïd et al., Proc. R. Soc. B 276 (2009) 2755; Moussaïd et al., PLoS ONE 5 (2010) e10047.
     """
 
-    parameters = PARAMETERS
-
-    def __init__(self, scene: Scene) -> None:
-        super().__init__(scene)
-        self._group_parameters = pack(GROUP_PARAMETERS)
-
-    def acceleration(self, walkers: Walkers) -> Array:
-        acceleration = self._output(walkers)
-        _accelerations(
-            self._packed(walkers), self._parameters, self._group_parameters, self._barriers, self._side, acceleration
-        )
-        return acceleration
+    parameters, kernel = PARAMETERS, staticmethod(_accelerations)

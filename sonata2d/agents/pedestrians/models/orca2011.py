@@ -294,7 +294,6 @@ def _accelerations(
     for i in range(count):
         evades[i] = _is_walking(walkers, i)
     for i in range(count):
-        acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
         if not walkers.walks[i]:
             continue
         x, y = 0.0, 0.0
@@ -317,10 +316,4 @@ class Orca2011Model(KernelModel):
     Source: van den Berg, Guy, Lin & Manocha, Robotics Research, STAR 70, Springer (2011) 3.
     """
 
-    parameters = PARAMETERS
-
-    def acceleration(self, walkers: Walkers) -> Array:
-        """The acceleration that reaches the chosen velocities within the tick, (M, 2), m/s^2."""
-        acceleration = self._output(walkers)
-        _accelerations(self._packed(walkers), self._parameters, self._barriers, self._side, self._dt, acceleration)
-        return acceleration
+    parameters, kernel = PARAMETERS, staticmethod(_accelerations)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....core.compiled.kernel import kernel, subroutine
-from ....core.compiled.packing import Floats, Ints, Packed, pack, unpack
+from ....core.compiled.packing import Floats, Ints, Packed, pack, unpack, zeros
 from ....core.compiled.scalar import Vector, clipped, exp, length, rotation, turned_towards
 from ....core.portable_math import PI, Array, unit_vectors
 from ....core.rng import AgentStreams
@@ -62,20 +62,20 @@ PARAMETERS = Sonata2026()
 
 # Along the direction of the drive, m/s^2. Recorded ones exceed 0.9 (corridor_uni) to 1.2 (zara01) in 1 % of the time.
 MAXIMUM_ACCELERATION, MAXIMUM_BRAKING = 1.2, 4.0
-FASTEST = 3.0  # m/s, more than people walk
-LONGEST_PREDICTION = 10.0  # s, limit of the time to the closest approach
-ROUNDING = 1e-3  # m, more than the rounding errors of a distance
+_FASTEST = 3.0  # m/s, more than people walk
+_LONGEST_PREDICTION = 10.0  # s, limit of the time to the closest approach
+_ROUNDING = 1e-3  # m, more than the rounding errors of a distance
 
 # A stream: strangers ahead whose direction differs by at most 60 degrees; each counts less the farther away it is. A
 # walker slower than the pace, which has just started, is not slowed down by the stream.
-STREAM_COSINE, STREAM_LENGTH, STREAM_PACE = 0.5, 1.0, 0.3  # m, m/s
+_STREAM_COSINE, STREAM_LENGTH, STREAM_PACE = 0.5, 1.0, 0.3  # m, m/s
 
 # How a walker turns. Its velocity deviates from the heading of its body by 45 degrees at most; farther directions make
 # the body turn first. A walker that faces more than 60 degrees away slows down, and stands from 120 degrees on; one
 # that stands sets off within 25 degrees, and shuffles sideways until then.
-SIDESTEP_COSINE = SIDESTEP_SINE = 0.7071067811865476
+_SIDESTEP_COSINE = _SIDESTEP_SINE = 0.7071067811865476
 SLOW_PACE, BRISK_PACE = 0.4, 0.8  # m/s, between which the two rules for walking and for standing mix
-SETTING_OFF_COSINE, SETTING_OFF_RANGE = 0.85, 0.12
+_SETTING_OFF_COSINE, _SETTING_OFF_RANGE = 0.85, 0.12
 SHUFFLE = 0.15  # speed of a sideways shuffle as a fraction of the forward speed
 
 
@@ -123,9 +123,9 @@ def with_body(body: Vector, x: float, y: float, speed: float, pace: float, side:
     cosine = body[0] * x + body[1] * y
     walking = clipped((pace - SLOW_PACE) / (BRISK_PACE - SLOW_PACE), 0.0, 1.0)
     shuffling = SHUFFLE * clipped(1.0 + 2.0 * cosine, 0.0, 1.0)
-    standing = max(clipped((cosine - SETTING_OFF_COSINE) / SETTING_OFF_RANGE, 0.0, 1.0), shuffling)
+    standing = max(clipped((cosine - _SETTING_OFF_COSINE) / _SETTING_OFF_RANGE, 0.0, 1.0), shuffling)
     speed = speed * (walking * clipped(0.5 + cosine, 0.0, 1.0) + (1.0 - walking) * standing)
-    x, y = turned_towards(body[0], body[1], x, y, SIDESTEP_COSINE, SIDESTEP_SINE, side)
+    x, y = turned_towards(body[0], body[1], x, y, _SIDESTEP_COSINE, _SIDESTEP_SINE, side)
     return x, y, speed
 
 
@@ -195,7 +195,7 @@ def anticipation_acceleration(
     if not closing > 0.0:
         return 0.0, 0.0
     square = ux * ux + uy * uy
-    t = min(closing / max(square, 1e-4), LONGEST_PREDICTION)
+    t = min(closing / max(square, 1e-4), _LONGEST_PREDICTION)
     closing = min(closing / max(length(dx, dy), 0.01), 1.0)  # m/s
     fx, fy = dx + ux * t, dy + uy * t  # to the neighbour at the closest approach
     offset = side * p.side_bonus * p.look_ahead_time / math.sqrt(max(square, 1e-6))
@@ -207,7 +207,7 @@ def anticipation_acceleration(
 
 
 @subroutine
-def are_together(walkers: Walkers, i: int, j: int) -> bool:
+def _are_together(walkers: Walkers, i: int, j: int) -> bool:
     """Whether two agents are members of one group."""
     return bool(walkers.group[i] >= 0 and walkers.group[i] == walkers.group[j])
 
@@ -250,13 +250,13 @@ def group_velocity(
     for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
         j = walkers.neighbour[n]
         turned = ex * walkers.desired_direction[j, 0] + ey * walkers.desired_direction[j, 1] < 0.0
-        if are_together(walkers, i, j) and not turned:
+        if _are_together(walkers, i, j) and not turned:
             dx, dy = walkers.position[j, 0] - walkers.position[i, 0], walkers.position[j, 1] - walkers.position[i, 1]
             cx, cy, count = cx + dx, cy + dy, count + 1.0
             aside = ex * dy - ey * dx  # to the left
             missing = clipped(p.spacing - tolerance - abs(aside), 0.0, limit)
             # the one behind goes to the side of the rules, the one ahead to the other
-            is_left = aside > 0.0 if abs(aside) > ROUNDING else side * (ex * dx + ey * dy) > 0.0
+            is_left = aside > 0.0 if abs(aside) > _ROUNDING else side * (ex * dx + ey * dy) > 0.0
             left += -missing if is_left else missing
     if count == 0.0:
         return 0.0, 0.0, 1.0
@@ -447,7 +447,7 @@ def _accelerations(
     packed_walkers: Any, packed_parameters: Any, packed_memory: Any, barriers: Array, side: float, dt: float,
     acceleration: Array,
 ) -> None:  # fmt: skip
-    """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2; zero for the others."""
+    """Accelerations of the agents that walk, into `acceleration` (M, 2) of zeros, m/s^2."""
     walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Sonata2026)
     memory = unpack(packed_memory, Memory)
     p, position, velocity, radius = parameters, walkers.position, walkers.velocity, walkers.radius
@@ -458,7 +458,6 @@ def _accelerations(
     for i in range(len(position)):
         pace[i] = length(velocity[i, 0], velocity[i, 1])
     for i in range(len(position)):
-        acceleration[i, 0], acceleration[i, 1] = 0.0, 0.0
         if not walkers.walks[i]:
             continue
         c, s = rotation(side * clipped(p.wander * deviate(memory, i, keep), -0.4, 0.4))
@@ -472,9 +471,9 @@ def _accelerations(
                 continue
             dx, dy, contact = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1], radius[j] + radius[i]
             alignment = direction[j, 0] * ex + direction[j, 1] * ey
-            if are_together(walkers, i, j):
+            if _are_together(walkers, i, j):
                 members += 1.0
-            elif alignment > STREAM_COSINE and dx * ex + dy * ey > 0.0:
+            elif alignment > _STREAM_COSINE and dx * ex + dy * ey > 0.0:
                 stream += weight * exp(-length(dx, dy) / STREAM_LENGTH)
             bodies = (contact, walkers.shoulder[i], body[i, 0], body[i, 1], walkers.shoulder[j], body[j, 0], body[j, 1])
             ux, uy = velocity[j, 0] - velocity[i, 0], velocity[j, 1] - velocity[i, 1]
@@ -494,7 +493,7 @@ def _accelerations(
                 path[count, CONTACT], path[count, WEIGHT] = contact, weight
                 count += 1
         outline = (radius[i], walkers.shoulder[i], body[i, 0], body[i, 1])
-        reach = radius[i] + walkers.shoulder[i] + p.turning_time * FASTEST
+        reach = radius[i] + walkers.shoulder[i] + p.turning_time * _FASTEST
         walls = near[: fill_walls(near, barriers, position[i, 0], position[i, 1], outline, p.turning_time, reach)]
         gx, gy, group_pace = group_velocity(walkers, i, memory.looseness, side, p)
         x, y, speed = steer(path[:count], walls, (ex, ey), desired_speed[i], time_gap, side, p, value)
@@ -512,7 +511,7 @@ def _accelerations(
         ax = drive[0] + (gx - along * x) / p.relaxation_time + push_x / members
         ay = drive[1] + (gy - along * y) / p.relaxation_time + push_y / members
         after = (velocity[i, 0] + ax * dt, velocity[i, 1] + ay * dt)
-        vx, vy = without_bumps(walkers, i, after, walls, p.turning_time)
+        vx, vy = _without_bumps(walkers, i, after, walls, p.turning_time)
         acceleration[i, 0], acceleration[i, 1] = (vx - velocity[i, 0]) / dt, (vy - velocity[i, 1]) / dt
 
 
@@ -524,7 +523,7 @@ def held_back(velocity: Vector, normal: Vector, maximum: float) -> Vector:
 
 
 @subroutine
-def without_bumps(walkers: Walkers, i: int, velocity: Vector, walls: Array, time: float) -> Vector:
+def _without_bumps(walkers: Walkers, i: int, velocity: Vector, walls: Array, time: float) -> Vector:
     """Limit the velocity of agent i so that it reaches no obstacle and no oncoming person within a given time.
 
     A walker that evades others, or turns wide, so comes to a wall gently, and goes along it. People that walk the
@@ -578,7 +577,7 @@ def headway_reach(
     """
     p = parameters
     gap = p.standstill_gap + time_gap * desired_speed
-    return contact + gap + p.headway_half_width + p.look_ahead_time * neighbour_speed + ROUNDING
+    return contact + gap + p.headway_half_width + p.look_ahead_time * neighbour_speed + _ROUNDING
 
 
 class Sonata2026Model(KernelModel):
@@ -588,21 +587,16 @@ class Sonata2026Model(KernelModel):
         super().__init__(scene)
         self._parameters = pack(PARAMETERS)  # read here, so that `benchmarks/calibrate.py` can replace it
         self._seeds, self._ids = (scene.seed, scene.episode), scene.human_table.id.tolist()
-        self._memory = Packed(Memory(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)))
+        self._memory = Packed(zeros(Memory, 0))
 
     def acceleration(self, walkers: Walkers) -> Array:
         acceleration = self._output(walkers)
         if len(acceleration) > len(self._memory.value.generator):
             self._add_agents(len(acceleration))
         _accelerations(
-            self._packed(walkers),
-            self._parameters,
-            self._memory.argument,
-            self._barriers,
-            self._side,
-            self._dt,
+            self._packed(walkers), self._parameters, self._memory.argument, self._barriers, self._side, self._dt,
             acceleration,
-        )
+        )  # fmt: skip
         return acceleration
 
     def _add_agents(self, count: int) -> None:
@@ -611,10 +605,6 @@ class Sonata2026Model(KernelModel):
         others = range(max(ids, default=0) + 1, max(ids, default=0) + 1 + max(count - len(ids), 0))
         streams = AgentStreams(*self._seeds, "deviations", [*ids, *others])
         added = np.array([streams[k].integer(0, _MASK) for k in range(len(known.generator), count)], dtype=np.int64)
-        self._memory = Packed(
-            Memory(
-                np.concatenate((known.generator, added)),
-                np.concatenate((known.deviation, np.zeros(len(added)))),
-                np.concatenate((known.looseness, np.full(len(added), math.nan))),
-            )
-        )
+        new = zeros(Memory, len(added), generator=added, looseness=np.full(len(added), math.nan))
+        extended: Any = map(np.concatenate, zip(known, new, strict=True))
+        self._memory = Packed(Memory(*extended))

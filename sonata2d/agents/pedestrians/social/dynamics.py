@@ -23,15 +23,15 @@ from .sitting import RISING, Seats
 from .state import SocialState
 from .tasks import Kind, Task
 
-PLACE_TOLERANCE = 0.25  # m, from the position of a task
-APPROACH_TIME = 25.0  # s, after which a task whose position was not reached is given up
-MEETING_DISTANCE, SEPARATION = 2.2, 3.5  # m: within the first, a pair may stop to talk; again after the second
-POSITION_SPACING = 0.7  # m, between the positions of two tasks
-MEMBER_SPACING, MEMBER_DISTANCE = 0.6, 1.2  # m, in a group that pauses: least between members, most from the leader
-LONG_STAY = 10.0  # s, from which on paths lead round a pedestrian that pauses
-FOREVER = 1e6  # s
-SERVED_TIME = 120.0  # s, for which a pedestrian that was served does not queue again
-LEFT_ALONE_TIME = 2.0  # s, that a pedestrian stays when its partners have left
+_PLACE_TOLERANCE = 0.25  # m, from the position of a task
+_APPROACH_TIME = 25.0  # s, after which a task whose position was not reached is given up
+_MEETING_DISTANCE, _SEPARATION = 2.2, 3.5  # m: within the first, a pair may stop to talk; again after the second
+_POSITION_SPACING = 0.7  # m, between the positions of two tasks
+_MEMBER_SPACING, _MEMBER_DISTANCE = 0.6, 1.2  # m, in a group that pauses: least between members, most from the leader
+_LONG_STAY = 10.0  # s, from which on paths lead round a pedestrian that pauses
+_FOREVER = 1e6  # s
+_SERVED_TIME = 120.0  # s, for which a pedestrian that was served does not queue again
+_LEFT_ALONE_TIME = 2.0  # s, that a pedestrian stays when its partners have left
 
 
 class SocialDynamics:
@@ -47,6 +47,7 @@ class SocialDynamics:
 
     Attributes:
         leaving: indices of the pedestrians that have reached the door through which they leave, in this tick.
+        seats: the seats, and the pedestrians that sit on them.
     """
 
     def __init__(self, scene: Scene, social: SocialState, wayfinding: Wayfinding) -> None:
@@ -65,11 +66,11 @@ class SocialDynamics:
         self._last: dict[int, Kind] = {}  # kind of the last task
         self._may_queue_from: dict[int, int] = {}  # tick, of those who were served
         self._has_walked = set(range(len(humans)))  # no task since the last walk: may take one on the next arrival
-        self._have_met: set[int] | None = None  # pairs i < j as i N + j, since they were last SEPARATION apart
+        self._have_met: set[int] | None = None  # pairs i < j as i N + j, since they were last _SEPARATION apart
         self._tick, self._position = 0, social.standing_position
         self._feet = np.zeros((len(humans), 2))  # unit vectors of the directions in which feet point
         self._things = [(thing, furniture_type(thing.type)) for thing in scene.furniture]
-        self._seats = Seats(scene, social, wayfinding, self._dt)
+        self.seats = Seats(scene, social, wayfinding, self._dt)
         self._lines = [QueueLine(queue, social, self._rng, self._dt) for queue in scene.queues]
         self._exits = Exits(scene, wayfinding)
         self.leaving: tuple[int, ...] = ()
@@ -79,11 +80,6 @@ class SocialDynamics:
             wayfinding.choose_task = self._choose_task
             self._plan_initial_departures()
         self._start_seated_and_waiting()
-
-    @property
-    def seats(self) -> tuple[tuple[int, int], ...]:
-        """See `CrowdCommands.seats`."""
-        return self._seats.pairs
 
     def update(self, tick: int, position: Array, walkers: Walkers) -> None:
         """Advance by one tick: arrivals, ends of tasks and meetings. Call it before `Wayfinding.update`.
@@ -101,7 +97,7 @@ class SocialDynamics:
                 served = line.advance(tick, position)
                 self._is_changed = self._is_changed or line.has_moved
                 if served is not None:
-                    self._may_queue_from[served] = tick + int(SERVED_TIME / self._dt)
+                    self._may_queue_from[served] = tick + int(_SERVED_TIME / self._dt)
                     self._leave(served)
         if self._settings.meets > 0.0:
             self._start_meetings(walkers)
@@ -128,7 +124,7 @@ class SocialDynamics:
                 self._wayfinding.stop(k)
                 # It has been sitting for a while: a random part of its time is over.
                 until = int(self._draw_end(k, "sit") * self._rng[k].uniform())
-                self._tasks[k], self._is_changed = self._seats.initial_task(k, human.seat, until), True
+                self._tasks[k], self._is_changed = self.seats.initial_task(k, human.seat, until), True
         for line in self._lines:
             waiting = [k for k, human in enumerate(humans) if human.queue == line.queue.id]
             x, y = line.queue.pose.position
@@ -151,9 +147,9 @@ class SocialDynamics:
         elif task.kind == "queue" and task.has_arrived:
             pass  # the queue tells when it is over
         elif task.kind == "sit" and task.has_arrived:
-            if self._seats.advance(k, task, self._tick):
+            if self.seats.advance(k, task, self._tick):
                 task.until = self._draw_end(k, "sit")
-            elif task.phase == RISING and self._seats.is_over(task, as_point(self._position[k])):
+            elif task.phase == RISING and self.seats.is_over(task, as_point(self._position[k])):
                 self._leave(k)
         elif task.has_arrived:
             if self._tick >= task.until:
@@ -166,14 +162,14 @@ class SocialDynamics:
         partner_left = task.partner is not None and self._social.is_walking[task.partner]
         if partner_left or self._tick >= task.until or not self._follow_tail(k, task):
             self._leave(k)
-        elif distance(as_point(self._position[k]), task.position) < PLACE_TOLERANCE:
+        elif distance(as_point(self._position[k]), task.position) < _PLACE_TOLERANCE:
             self._arrive(k, task)
 
     def _follow_tail(self, k: int, task: Task) -> bool:
         """Send pedestrian k to the end of its queue if that has moved; False if it cannot join any more."""
         if task.line is None:
             return True
-        if task.line.is_full:
+        if task.line.tail >= task.line.queue.capacity:
             return False
         place, facing_point = task.line.slot(task.line.tail)
         if place == task.position:
@@ -188,14 +184,14 @@ class SocialDynamics:
         if task.kind != "stay":
             self._last[k] = task.kind
             self._has_walked.discard(k)
-        self._seats.release(k)
+        self.seats.release(k)
         if not self._social.is_walking[k]:
             self._is_changed = self._is_changed or self._social.is_in_the_way(k)
             self._social.start_walking(k)
         self._wayfinding.start_wandering(k, as_point(self._position[k]))
         for partner in partners if task.kind == "talk" else ():
             if partner in self._tasks and not self._social.partners[partner]:
-                end = self._tick + int(LEFT_ALONE_TIME / self._dt)
+                end = self._tick + int(_LEFT_ALONE_TIME / self._dt)
                 self._tasks[partner].until = min(self._tasks[partner].until, end)
 
     def _arrive(self, k: int, task: Task) -> None:
@@ -205,7 +201,7 @@ class SocialDynamics:
             return
         self._wayfinding.stop(k)
         if task.kind == "sit":
-            self._seats.arrive(k, task, self._tick)
+            self.seats.arrive(k, task, self._tick)
             return
         task.has_arrived = self._is_changed = True
         if task.line is not None:
@@ -227,7 +223,7 @@ class SocialDynamics:
 
     def _start_stay(self, k: int, place: Point, duration: float) -> None:
         """Pedestrian k, which has arrived at a place, m, stands there for a time, s, and its followers beside it."""
-        until = self._tick + int(min(duration, FOREVER) / self._dt)
+        until = self._tick + int(min(duration, _FOREVER) / self._dt)
         self._stand(k, place, until)
         followers = [other for other in self._wayfinding.followers(k) if not self._social.is_absent(other)]
         taken = [place]
@@ -236,7 +232,7 @@ class SocialDynamics:
             taken.append(spot)
             position = as_point(self._position[follower])
             rest = self._wayfinding.resting_place(follower, position)
-            is_there = distance(rest, spot) < PLACE_TOLERANCE and distance(rest, place) < MEMBER_DISTANCE
+            is_there = distance(rest, spot) < _PLACE_TOLERANCE and distance(rest, place) < _MEMBER_DISTANCE
             if is_there or not self._wayfinding.send_to(follower, position, spot):
                 self._stand(follower, rest, until)
             else:
@@ -256,7 +252,7 @@ class SocialDynamics:
             and (goal[0] - x) * dx + (goal[1] - y) * dy > -0.5 * distance(place, goal)
         ):
             facing_point = goal
-        is_brief = (until - self._tick) * self._dt < LONG_STAY
+        is_brief = (until - self._tick) * self._dt < _LONG_STAY
         self._wayfinding.stop(k)
         self._social.start_standing(k, place, facing_point, is_brief=is_brief)
         self._tasks[k] = Task("stay", place, facing_point, until=until, has_arrived=True)
@@ -267,11 +263,12 @@ class SocialDynamics:
         position, (lx, ly) = as_point(self._position[k]), as_point(self._position[leader])
         dx, dy = position[0] - lx, position[1] - ly
         gap = max(length(dx, dy), 1e-6)
-        scale = min(max(gap, POSITION_SPACING), MEMBER_DISTANCE) / gap
+        scale = min(max(gap, _POSITION_SPACING), _MEMBER_DISTANCE) / gap
         side = self._scene.rules.side  # so that a mirrored scene gives the mirrored place
         for x, y in ((dx, dy), (dy * side, -dx * side), (-dy * side, dx * side), (-dx, -dy)):
             spot = place[0] + x * scale, place[1] + y * scale
-            if all(distance(spot, other) > MEMBER_SPACING for other in taken) and self._wayfinding.is_open(place, spot):
+            has_room = all(distance(spot, other) > _MEMBER_SPACING for other in taken)
+            if has_room and self._wayfinding.is_open(place, spot):
                 return spot
         return position
 
@@ -334,7 +331,7 @@ class SocialDynamics:
         if not tasks:  # without a draw: the pedestrian wanders on
             return False
         task = self._rng[k].choice(tasks)
-        task.until = self._tick + int(APPROACH_TIME / self._dt)
+        task.until = self._tick + int(_APPROACH_TIME / self._dt)
         if not self._wayfinding.send_to(k, position, task.position):
             return False
         self._tasks[k] = task
@@ -364,7 +361,7 @@ class SocialDynamics:
         elif kind == "talk":
             yield from self._joining_tasks(position)
         elif kind == "sit":
-            yield from self._seats.tasks({task.object_id for task in self._tasks.values()})
+            yield from self.seats.tasks({task.object_id for task in self._tasks.values()})
         else:
             for line in self._lines if self._tick >= self._may_queue_from.get(k, 0) else ():
                 coming = sum(task.line is line and not task.has_arrived for task in self._tasks.values())
@@ -424,7 +421,7 @@ class SocialDynamics:
         if kind == "queue":
             return True
         on_the_way = [task for task in self._tasks.values() if not task.has_arrived]
-        return all(distance(position, task.position) > POSITION_SPACING for task in on_the_way)
+        return all(distance(position, task.position) > _POSITION_SPACING for task in on_the_way)
 
     def _start_meetings(self, walkers: Walkers) -> None:
         """Let pairs of wandering pedestrians that come near each other stop and talk."""
@@ -439,7 +436,7 @@ class SocialDynamics:
         x, y = (walkers.position[second, axis] - walkers.position[first, axis] for axis in (0, 1))
         square, pair = x * x + y * y, first * count + second
         near, meeting = (
-            pair[(first < second) & (square < limit * limit)].tolist() for limit in (SEPARATION, MEETING_DISTANCE)
+            pair[(first < second) & (square < limit * limit)].tolist() for limit in (_SEPARATION, _MEETING_DISTANCE)
         )
         # A pair is asked once per encounter; pairs that are near at the start have met already.
         have_met = set(near) if self._have_met is None else self._have_met.intersection(near)

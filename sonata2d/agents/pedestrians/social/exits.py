@@ -9,9 +9,9 @@ from ....core.scene import Scene
 from ..wayfinding import Wayfinding
 from .f_formations import distance
 
-ENTRANCE = 1.0  # m, from a door to where those that came through it appeared, at most, besides half its width
-MARGIN = 0.05  # m, by which the place before a door is farther from the wall than paths are
-REACH = 0.12  # m, beyond that place, in which a pedestrian disappears
+_ENTRANCE = 1.0  # m, from a door to where those that came through it appeared, at most, besides half its width
+_MARGIN = 0.05  # m, by which the place before a door is farther from the wall than paths are
+_REACH = 0.12  # m, beyond that place, in which a pedestrian disappears
 
 
 class Exits:
@@ -41,11 +41,11 @@ class Exits:
     def has_reached(self, door: Door, position: Point) -> bool:
         """Whether a pedestrian at a position, m, is in the opening."""
         ahead, left = self._relative(door, position)
-        return ahead < self._depth + REACH and abs(left) < door.width / 2
+        return ahead < self._depth + _REACH and abs(left) < door.width / 2
 
     @property
     def _depth(self) -> float:
-        return self._wayfinding.space.clearance + MARGIN
+        return self._wayfinding.space.clearance + _MARGIN
 
     def _relative(self, door: Door, point: Point) -> Point:
         """A point relative to a door: into the room, and to the left; m."""
@@ -56,4 +56,4 @@ class Exits:
 
 def _came_through(human: Human, door: Door) -> bool:
     """Whether a pedestrian has entered through a door."""
-    return human.enters > 0 and distance(human.pose.position, door.pose.position) < door.width / 2 + ENTRANCE
+    return human.enters > 0 and distance(human.pose.position, door.pose.position) < door.width / 2 + _ENTRANCE

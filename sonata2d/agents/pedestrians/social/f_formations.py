@@ -9,8 +9,8 @@ from ....core.vectors import length
 
 MAXIMUM_MEMBERS = 6
 PAIR_DISTANCE = 1.0  # m, between two people who talk
-MINIMUM_RADIUS = {1: 0.0, 2: 0.5, 3: 0.6, 4: 0.7, 5: 0.85, 6: 1.0}  # m, of the circle, by number of members
-MAXIMUM_TRIANGLE_HEIGHT = 1.2  # m, from the middle of two members to the third
+_MINIMUM_RADIUS = {1: 0.0, 2: 0.5, 3: 0.6, 4: 0.7, 5: 0.85, 6: 1.0}  # m, of the circle, by number of members
+_MAXIMUM_TRIANGLE_HEIGHT = 1.2  # m, from the middle of two members to the third
 # Directions from a member that stands alone, (cos, sin) relative to its own direction: ahead, half left, half right.
 _DIRECTIONS = ((1.0, 0.0), (0.7071, 0.7071), (0.7071, -0.7071))
 
@@ -37,7 +37,7 @@ def joining_positions(members: list[Point], facing_point: Point, newcomer: Point
         return _triangle_positions(members[0], members[1], newcomer)
     centre = _mean(members)
     spokes = [_unit(x - centre[0], y - centre[1]) for x, y in members]  # unit vectors from the centre
-    radius = max(*(length(x - centre[0], y - centre[1]) for x, y in members), MINIMUM_RADIUS[len(members) + 1])
+    radius = max(*(length(x - centre[0], y - centre[1]) for x, y in members), _MINIMUM_RADIUS[len(members) + 1])
     ranked = []
     for a, b in combinations(spokes, 2):
         x, y = a[0] + b[0], a[1] + b[1]
@@ -55,7 +55,7 @@ def joining_positions(members: list[Point], facing_point: Point, newcomer: Point
 def widen(member: Point, centre: Point, count: int) -> Point:
     """Where a member of a formation of `count` stands: moved outwards to the minimum radius if it is nearer, m."""
     dx, dy = member[0] - centre[0], member[1] - centre[1]
-    scale = MINIMUM_RADIUS[min(count, MAXIMUM_MEMBERS)] / max(length(dx, dy), 1e-6)
+    scale = _MINIMUM_RADIUS[min(count, MAXIMUM_MEMBERS)] / max(length(dx, dy), 1e-6)
     return member if scale <= 1.0 else (centre[0] + dx * scale, centre[1] + dy * scale)
 
 
@@ -80,7 +80,7 @@ def _triangle_positions(a: Point, b: Point, newcomer: Point) -> list[tuple[Point
     """Positions that form an equilateral triangle with two members, a flatter one if they stand far apart."""
     (ax, ay), (bx, by) = a, b
     ux, uy = _unit(bx - ax, by - ay)
-    height = min(max(0.866 * length(bx - ax, by - ay), 1.5 * MINIMUM_RADIUS[3]), MAXIMUM_TRIANGLE_HEIGHT)
+    height = min(max(0.866 * length(bx - ax, by - ay), 1.5 * _MINIMUM_RADIUS[3]), _MAXIMUM_TRIANGLE_HEIGHT)
     ranked = []
     for side in (1.0, -1.0):
         x, y = -uy * height * side, ux * height * side

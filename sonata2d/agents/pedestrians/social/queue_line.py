@@ -9,9 +9,9 @@ from ....core.rng import AgentStreams
 from .f_formations import distance
 from .state import SocialState
 
-REACTION_TIME = (0.3, 0.9)  # s, after which a pedestrian follows when the place in front of it has become free
-AT_HEAD = 0.3  # m, from the first place, within which the first pedestrian is served
-ROOM_AT_HEAD = 0.6  # m, from the first place, at which the one that was served makes room for the next
+_REACTION_TIME = (0.3, 0.9)  # s, after which a pedestrian follows when the place in front of it has become free
+_AT_HEAD = 0.3  # m, from the first place, within which the first pedestrian is served
+_ROOM_AT_HEAD = 0.6  # m, from the first place, at which the one that was served makes room for the next
 
 
 class QueueLine:
@@ -45,11 +45,6 @@ class QueueLine:
         """The first slot behind the last pedestrian."""
         return self._slot[-1] + 1 if self._slot else 0
 
-    @property
-    def is_full(self) -> bool:
-        """Whether no pedestrian can join now."""
-        return self.tail >= self.queue.capacity
-
     def slot(self, number: int) -> tuple[Point, Point]:
         """Where a pedestrian stands in a slot, and the point that it faces; m."""
         x, y = self.queue.slot(number)
@@ -77,7 +72,7 @@ class QueueLine:
         if not self.members or self._slot[0] > 0:
             return None
         if self._served_at is None:
-            if distance(as_point(position[self.members[0]]), self.queue.slot(0)) < AT_HEAD:
+            if distance(as_point(position[self.members[0]]), self.queue.slot(0)) < _AT_HEAD:
                 self._served_at = tick + self._ticks(self.members[0], self.queue.service)
             return None
         if tick < self._served_at:
@@ -94,7 +89,7 @@ class QueueLine:
             if slot - 1 > ahead and (slot > 1 or self._has_room_at_head(position)):
                 move_at = self._move_at[n]
                 if move_at is None:
-                    self._move_at[n] = tick + self._ticks(k, REACTION_TIME)
+                    self._move_at[n] = tick + self._ticks(k, _REACTION_TIME)
                 elif tick >= move_at:
                     self._slot[n], self._move_at[n], self.has_moved = slot - 1, None, True
                     self._social.start_standing(k, *self.slot(slot - 1), posture="queueing")
@@ -103,7 +98,7 @@ class QueueLine:
     def _has_room_at_head(self, position: Array) -> bool:
         """Whether the pedestrian that was served last has left the head."""
         k = self._last_served
-        if k is not None and distance(as_point(position[k]), self.queue.slot(0)) > ROOM_AT_HEAD:
+        if k is not None and distance(as_point(position[k]), self.queue.slot(0)) > _ROOM_AT_HEAD:
             self._last_served = None
         return self._last_served is None
 

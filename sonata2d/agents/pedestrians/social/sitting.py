@@ -9,12 +9,12 @@ from ....core.geometry import Point
 from ....core.scene import Scene
 from ..wayfinding import Wayfinding
 from .f_formations import distance
-from .state import SocialState
+from .state import Posture, SocialState
 from .tasks import Task
 
-TURN_TIME = 1.6  # s, in which a pedestrian turns its back to the seat
-STANDS_AGAIN = 0.12  # m, from the place beside the seat
-MARGIN = 0.05  # m, by which that place is farther from the seat than paths are
+_TURN_TIME = 1.6  # s, in which a pedestrian turns its back to the seat
+_STANDS_AGAIN = 0.12  # m, from the place beside the seat
+_MARGIN = 0.05  # m, by which that place is farther from the seat than paths are
 
 TURNING, SITTING, RISING = range(3)  # values of `Task.phase` after arrival at the seat
 
@@ -36,7 +36,7 @@ class Seats:
     """
 
     def __init__(self, scene: Scene, social: SocialState, wayfinding: Wayfinding, dt: float) -> None:
-        self._social, self._wayfinding, self._turn_ticks = social, wayfinding, int(TURN_TIME / dt)
+        self._social, self._wayfinding, self._turn_ticks = social, wayfinding, int(_TURN_TIME / dt)
         self._side = scene.rules.side
         self._seats = {piece.id: (k, piece) for k, piece in enumerate(scene.furniture) if piece.is_seat}
         self._sitting: dict[int, int] = {}  # index in the scene's furniture of each pedestrian's seat
@@ -63,9 +63,7 @@ class Seats:
 
     def arrive(self, k: int, task: Task, tick: int) -> None:
         """Pedestrian k has reached the place beside its seat."""
-        x, y = task.position
-        fx, fy = self._seat_of(task).front
-        self._social.start_standing(k, task.position, (x + 3.0 * fx, y + 3.0 * fy))
+        self._stand(k, task.position, self._seat_of(task), "standing")
         task.has_arrived, task.phase, task.until = True, TURNING, tick + self._turn_ticks
 
     def advance(self, k: int, task: Task, tick: int) -> bool:
@@ -81,15 +79,14 @@ class Seats:
         if task.phase == SITTING and tick >= task.until:
             place = self._place_beside(self._seat_of(task))
             if place is not None:  # else it waits until there is room to stand
-                x, y = task.position = place
-                fx, fy = self._seat_of(task).front
-                self._social.start_standing(k, place, (x + 3.0 * fx, y + 3.0 * fy), posture="sitting")
+                task.position = place
+                self._stand(k, place, self._seat_of(task), "sitting")
                 task.phase = RISING
         return False
 
     def is_over(self, task: Task, position: Point) -> bool:
         """Whether a pedestrian stands beside its seat again."""
-        return task.phase == RISING and distance(position, task.position) < STANDS_AGAIN
+        return task.phase == RISING and distance(position, task.position) < _STANDS_AGAIN
 
     def release(self, k: int) -> None:
         """Pedestrian k does not sit any more."""
@@ -97,10 +94,14 @@ class Seats:
             del self._sitting[k]
             self.pairs = tuple(sorted(self._sitting.items()))
 
+    def _stand(self, k: int, place: Point, seat: Furniture, posture: Posture) -> None:
+        """Pedestrian k stands or sits at a place, m, and faces the direction of its seat."""
+        (x, y), (fx, fy) = place, seat.front
+        self._social.start_standing(k, place, (x + 3.0 * fx, y + 3.0 * fy), posture=posture)
+
     def _sit_down(self, k: int, id: int) -> None:
         index, seat = self._seats[id]
-        (x, y), (fx, fy) = seat.pose.position, seat.front
-        self._social.start_standing(k, (x, y), (x + 3.0 * fx, y + 3.0 * fy), posture="sitting")
+        self._stand(k, seat.pose.position, seat, "sitting")
         self._sitting[k] = index
         self.pairs = tuple(sorted(self._sitting.items()))
 
@@ -110,7 +111,7 @@ class Seats:
 
     @property
     def _clearance(self) -> float:
-        return self._wayfinding.space.clearance + MARGIN
+        return self._wayfinding.space.clearance + _MARGIN
 
     def _place_beside(self, seat: Furniture) -> Point | None:
         """The first free place of those in front of a seat, at one side and at the other, m; None if none is free."""

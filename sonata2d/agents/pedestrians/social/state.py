@@ -16,7 +16,7 @@ from ....core.relations import ACTIVITIES, TALKING, WALKING_TOGETHER
 from ....core.scene import Scene, closed_outlines
 from ....core.vectors import lengths
 
-LARGEST_CIRCLE = 1.0  # m, from the centre of a conversation to its members, up to which others do not walk through it
+_LARGEST_CIRCLE = 1.0  # m, from the centre of a conversation to its members, up to which others do not walk through it
 
 Posture = Literal["standing", "sitting", "queueing"]  # activity of a pedestrian that neither walks nor interacts
 
@@ -85,7 +85,6 @@ class SocialState:
         self.interactions = scene.interactions
         self.partners: list[list[int]] = []
         self.activity: IntArray
-        self.arrays: SocialArrays
         self._update()
 
     def set_presence(self, is_present: BoolArray | None) -> None:
@@ -183,7 +182,7 @@ class SocialState:
             places = self.standing_position[members].tolist()
             centre = np.array([sum(xs) for xs in zip(*places, strict=True)]) / len(places)
             offset = np.array(places) - centre
-            if lengths(offset).max() <= LARGEST_CIRCLE:
+            if lengths(offset).max() <= _LARGEST_CIRCLE:
                 angle = [angle_of(y, x) for x, y in offset.tolist()]
                 yield [member for _, member in sorted(zip(angle, members, strict=True))]
 
@@ -223,11 +222,6 @@ class SocialState:
         for k, partners in enumerate(self.partners):
             table[k, : len(partners)] = partners
         self.arrays = SocialArrays(
-            self.is_walking,
-            self.standing_position,
-            self.facing_point,
-            self.has_object,
-            self.keeps_facing,
-            table,
+            self.is_walking, self.standing_position, self.facing_point, self.has_object, self.keeps_facing, table,
             np.array(counts, dtype=np.int64),
-        )
+        )  # fmt: skip
