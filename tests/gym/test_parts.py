@@ -131,7 +131,8 @@ def test_a_part_has_all_tables_about_its_entities() -> None:
 
     OBSERVATION_PARTS.register("talking", Talking)
     counts = set()
-    for observation, _ in run(s2g.FieldOfView(s2g.SocialNavEnv("lively", parts=["talking"]), angle=6.0)):
+    env = s2g.SocialNavEnv("lively", settings={"talking_pairs": 2}, parts=["talking"])
+    for observation, _ in run(s2g.FieldOfView(env, angle=6.0)):
         talks = observation["activities"][observation["humans_mask"] > 0.0] == ACTIVITIES.index("talking")
         assert observation["talking"] == [talks.sum()]
         counts.add(int(talks.sum()))
