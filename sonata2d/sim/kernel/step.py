@@ -104,15 +104,7 @@ class Buffers(NamedTuple):
 
 
 @kernel
-def advance(
-    packed_world: Any,
-    vx: float,
-    vy: float,
-    omega: float,
-    is_limited: bool,
-    first: int,
-    end: int,
-) -> None:
+def advance(packed_world: Any, vx: float, vy: float, omega: float, is_limited: bool, first: int, end: int) -> None:
     """Move the world from one substep of a tick to another.
 
     Args:
