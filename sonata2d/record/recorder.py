@@ -252,13 +252,9 @@ class JsonRecorder(EpisodeRecorder):
             reason = "recording was left before the episode ended"
             if error is not None:
                 status, reason = "error", f"{type(error).__name__}: {error}"
-            self._close_early(self._last, Outcome(status, reason, self._last.tick, self._last.time), error)
-
-    def _close_early(self, last: Snapshot, outcome: Outcome, error: BaseException | None) -> None:
-        """Close; if that fails, `error` stays the exception that is raised, with a note about the failure."""
-        try:
-            self.close(last, outcome)
-        except RecordError as failure:
-            if error is None:
-                raise
-            error.add_note(f"and its episode could not be written: {failure}")
+            try:
+                self.close(self._last, Outcome(status, reason, self._last.tick, self._last.time))
+            except RecordError as failure:
+                if error is None:
+                    raise
+                error.add_note(f"and its episode could not be written: {failure}")  # the first error is raised

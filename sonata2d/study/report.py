@@ -104,25 +104,20 @@ def _cell(value: Any) -> Any:
 
 
 def _participant_row(id: str, first_language: str, events: list[Row], runs: list[Row], ratings: list[Row]) -> Row:
-    consented, finished, steps, languages = None, None, [], []
-    state = "begun" if events else "not begun"
-    for event in events:
-        kind = event["event"]
-        steps += [event["step"]] if "step" in event else []
-        languages += [event["language"]] if "language" in event else []
-        consented = event["time"] if kind == "consented" else consented
-        if kind in ("finished", "undone"):
-            finished = event["time"] if kind == "finished" else None
-        if kind in ("declined", "reconsidered", "consented"):
-            state = "declined" if kind == "declined" else "begun"
+    last = {event["event"]: event["time"] for event in events}  # time of the last event of each kind
+    ends = [event["event"] for event in events if event["event"] in ("finished", "undone")]
+    choices = [event["event"] for event in events if event["event"] in ("declined", "reconsidered", "consented")]
+    is_finished = ends[-1:] == ["finished"]  # a run that is taken back makes a finished study unfinished
+    state = "declined" if choices[-1:] == ["declined"] else "begun" if events else "not begun"
+    languages = [event["language"] for event in events if "language" in event]
     return {
         "participant": id,
         "language": languages[-1] if languages else first_language if events else None,
-        "state": "finished" if finished else state,
-        "last_step": steps[-1] if steps else None,
+        "state": "finished" if is_finished else state,
+        "last_step": next((event["step"] for event in reversed(events) if "step" in event), None),
         "begun": events[0]["time"] if events else None,
-        "consented": consented,
-        "finished": finished,
+        "consented": last.get("consented"),
+        "finished": last["finished"] if is_finished else None,
         "last_event": events[-1]["time"] if events else None,
         "runs": sum(row["participant"] == id for row in runs),
         "ratings": sum(row["participant"] == id for row in ratings),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import ClassVar, Self
@@ -67,7 +67,7 @@ class Scale:
     question: str
     points: int
     ends: tuple[str, str] | None
-    items: tuple[Item, ...] = field(default=())
+    items: tuple[Item, ...]
 
     @property
     def subscales(self) -> tuple[str, ...]:
