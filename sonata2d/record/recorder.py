@@ -158,7 +158,10 @@ class EpisodeRecorder:
 
     def _header(self, scene: Scene, outcome: Outcome) -> JsonDict:
         """Return the keys before the frames, in the file's order."""
-        controller_info, branched = self._controller_info, self._branched_from
+        controller_info, branched, spec = self._controller_info, self._branched_from, self._label_spec
+        # the label that the driver was asked for, and the label of the whole run
+        label_keys = {"label_spec": to_json_value(asdict(spec), "label")} if spec.kind != "command" else {}
+        label_keys |= {"label": to_json_value(self.label, "label of the run")} if spec.per_run else {}
         return {
             "format": FORMAT,
             "version": FORMAT_VERSION,
@@ -176,7 +179,7 @@ class EpisodeRecorder:
                 "settings": to_json_value(controller_info.settings, "settings of the controller", exact=True),
             },
             "labels": to_json_value(controller_info.labels, "meaning of the labels"),
-            **self._label_keys(),
+            **label_keys,
             "contributor": to_json_value(self._contributor, "contributor"),
             "context": to_json_value(self._context or (scene.settings or {}).get("context"), "context"),
             "branched_from": branched and {"id": branched[0], "tick": branched[1]},
@@ -189,12 +192,6 @@ class EpisodeRecorder:
                 "time": quantised(outcome.time),
             },
         }
-
-    def _label_keys(self) -> JsonDict:
-        """Return the keys with the label that the driver was asked for, and with the label of the whole run."""
-        spec = self._label_spec
-        keys = {"label_spec": to_json_value(asdict(spec), "label")} if spec.kind != "command" else {}
-        return keys | ({"label": to_json_value(self.label, "label of the run")} if spec.per_run else {})
 
 
 class JsonRecorder(EpisodeRecorder):

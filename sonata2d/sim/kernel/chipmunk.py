@@ -105,7 +105,8 @@ class EngineMemory:
 
 def _interpreted_call(function: int, numbers: tuple[Any, ...]) -> None:
     """Call the C function at an address with addresses and numbers; a vector is two of them."""
-    kind, items, passed = _KINDS[int(function)], iter(numbers), []
+    kind, items = _KINDS[int(function)], iter(numbers)
+    passed: list[Any] = []
     for argument in kind.args:
         if argument.kind == "struct":
             passed.append((float(next(items)), float(next(items))))
