@@ -32,7 +32,7 @@ def bar_of(progress: bool | ProgressBar | None) -> ProgressBar:
         return progress
     is_notebook = notebook_shell() is not None
     if not (is_notebook if progress is None else progress):
-        return _no_bar
+        return lambda total, unit: nullcontext(lambda steps: None)
     # without ipywidgets the form for notebooks fails, and the one for terminals is legible below a cell
     has_widgets = is_notebook and find_spec("ipywidgets") is not None
     tqdm = importlib.import_module("tqdm.notebook" if has_widgets else "tqdm").tqdm
@@ -43,7 +43,3 @@ def bar_of(progress: bool | ProgressBar | None) -> ProgressBar:
             yield lambda steps: shown.update(steps) and None
 
     return bar
-
-
-def _no_bar(total: int, unit: str) -> AbstractContextManager[Advance]:
-    return nullcontext(lambda steps: None)

@@ -13,19 +13,7 @@ from .devices import DeviceEvent
 from .drawable import Drawable
 from .entities import Furniture, Goal, Interaction, Robot, Wall
 from .geometry import Point, Pose, Twist
-from .humans import (
-    BODY_X,
-    BODY_Y,
-    GAZE_Y,
-    OMEGA,
-    VX,
-    VY,
-    Humans,
-    X,
-    Y,
-    activities_of_present,
-    frozen,
-)
+from .humans import BODY_X, BODY_Y, GAZE_Y, OMEGA, VX, VY, Humans, X, Y, activities_of_present, frozen
 from .portable_math import Array, IntArray, angle_of, unit_vector
 from .scene import Scene, initial_activities
 from .state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED, ROBOT_SIZE, State

@@ -151,7 +151,8 @@ def serialise(document: dict[str, Any]) -> bytes:
     """
     lines: list[bytes] = []
     for key, value in document.items():
-        items = [_as_json(item) for item in (value if key == "frames" else [value])] or [b""]
+        values = value if key == "frames" else [value]
+        items = [item if isinstance(item, bytes) else dumps(item) for item in values] or [b""]
         opening, closing = (b"[\n", b"\n]") if key == "frames" else (b"", b"")
         items[0] = b'"%b":%b%b' % (key.encode(), opening, items[0])
         items[-1] += closing
@@ -159,10 +160,6 @@ def serialise(document: dict[str, Any]) -> bytes:
     lines[0] = b"{\n" + lines[0]
     lines[-1] += b"\n}\n"
     return b",\n".join(lines)  # joined once, because a document may be large
-
-
-def _as_json(value: Any) -> bytes:
-    return value if isinstance(value, bytes) else dumps(value)
 
 
 def parse_header(document: bytes) -> dict[str, Any]:

@@ -175,12 +175,14 @@ class EpisodeRecord(Drawable):
     @property
     def contributor(self) -> str | None:
         """Name of the person who drove or recorded."""
-        return self._optional_text("contributor")
+        contributor: str | None = self.document["contributor"]
+        return contributor
 
     @property
     def context(self) -> str | None:
         """Text for the raters of the episode."""
-        return self._optional_text("context")
+        context: str | None = self.document["context"]
+        return context
 
     @cached_property
     def label_spec(self) -> LabelSpec:
@@ -192,10 +194,6 @@ class EpisodeRecord(Drawable):
     def label(self) -> Any:
         """Label of the whole run; None if the driver was not asked for one."""
         return self.document.get("label")
-
-    def _optional_text(self, key: str) -> str | None:
-        value = self.document[key]
-        return None if value is None else str(value)
 
     @cached_property
     def controller_info(self) -> ControllerInfo:

@@ -158,7 +158,10 @@ class EpisodeRecorder:
 
     def _header(self, scene: Scene, outcome: Outcome) -> JsonDict:
         """Return the keys before the frames, in the file's order."""
-        controller_info, branched = self._controller_info, self._branched_from
+        controller_info, branched, spec = self._controller_info, self._branched_from, self._label_spec
+        # the label that the driver was asked for, and the label of the whole run
+        label_keys = {"label_spec": to_json_value(asdict(spec), "label")} if spec.kind != "command" else {}
+        label_keys |= {"label": to_json_value(self.label, "label of the run")} if spec.per_run else {}
         return {
             "format": FORMAT,
             "version": FORMAT_VERSION,
@@ -176,7 +179,7 @@ class EpisodeRecorder:
                 "settings": to_json_value(controller_info.settings, "settings of the controller", exact=True),
             },
             "labels": to_json_value(controller_info.labels, "meaning of the labels"),
-            **self._label_keys(),
+            **label_keys,
             "contributor": to_json_value(self._contributor, "contributor"),
             "context": to_json_value(self._context or (scene.settings or {}).get("context"), "context"),
             "branched_from": branched and {"id": branched[0], "tick": branched[1]},
@@ -189,12 +192,6 @@ class EpisodeRecorder:
                 "time": quantised(outcome.time),
             },
         }
-
-    def _label_keys(self) -> JsonDict:
-        """Return the keys with the label that the driver was asked for, and with the label of the whole run."""
-        spec = self._label_spec
-        keys = {"label_spec": to_json_value(asdict(spec), "label")} if spec.kind != "command" else {}
-        return keys | ({"label": to_json_value(self.label, "label of the run")} if spec.per_run else {})
 
 
 class JsonRecorder(EpisodeRecorder):
@@ -252,13 +249,9 @@ class JsonRecorder(EpisodeRecorder):
             reason = "recording was left before the episode ended"
             if error is not None:
                 status, reason = "error", f"{type(error).__name__}: {error}"
-            self._close_early(self._last, Outcome(status, reason, self._last.tick, self._last.time), error)
-
-    def _close_early(self, last: Snapshot, outcome: Outcome, error: BaseException | None) -> None:
-        """Close; if that fails, `error` stays the exception that is raised, with a note about the failure."""
-        try:
-            self.close(last, outcome)
-        except RecordError as failure:
-            if error is None:
-                raise
-            error.add_note(f"and its episode could not be written: {failure}")
+            try:
+                self.close(self._last, Outcome(status, reason, self._last.tick, self._last.time))
+            except RecordError as failure:
+                if error is None:
+                    raise
+                error.add_note(f"and its episode could not be written: {failure}")  # the first error is raised

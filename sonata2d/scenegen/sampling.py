@@ -149,7 +149,8 @@ class _Sampler:
         behaviours: tuple[Behaviour, ...] = ("standing", "wandering")
         for behaviour in behaviours:
             for _ in range(self.free[behaviour]):
-                self.clusters.append(EntityCluster("human", (self._draw_human(behaviour, _ORIGIN),)))
+                human = draw_human(self.config.person, behaviour, _ORIGIN, self.rng)
+                self.clusters.append(EntityCluster("human", (human,)))
         for name in self.config.counts:
             for _ in range(self.free[name]):
                 self.clusters.append(EntityCluster(name, self._furniture(name, 0), self.config.furniture_yaw))
@@ -160,7 +161,7 @@ class _Sampler:
 
     def _add(self, relation: Relation, poses: Iterable[Pose], *furniture: Furniture, **more: Any) -> None:
         """Add a cluster of new pedestrians at poses in its frame, and of furniture; `more` are its other fields."""
-        humans = (self._draw_human(relation.behaviour, pose) for pose in poses)
+        humans = (draw_human(self.config.person, relation.behaviour, pose, self.rng) for pose in poses)
         members: tuple[Entity, ...] = (*humans, *furniture)
         self.clusters.append(
             EntityCluster(**{"name": relation.title, "relation": relation.name} | more, members=members)
@@ -186,10 +187,6 @@ class _Sampler:
         if name != LAPTOP.on or not (with_laptop or self.config.laptops_on_tables):
             return (piece,)
         return piece, create_piece(self.config, LAPTOP.name, on=index)
-
-    def _draw_human(self, behaviour: Behaviour, pose: Pose) -> Human:
-        """Draw a pedestrian by the section `person`; `number_entities` sets its id."""
-        return draw_human(self.config.person, behaviour, pose, self.rng)
 
 
 def _draw_human_counts(config: ScenarioConfig, rng: RandomStream) -> tuple[int, int]:

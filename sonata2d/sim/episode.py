@@ -15,7 +15,7 @@ from ..core.drawable import Drawable
 from ..core.files import interruption
 from ..core.geometry import Twist, quantised
 from ..core.scene import Scene
-from ..core.snapshot import Contact, ControllerInfo, Frame, Observer, Outcome, Snapshot, Status
+from ..core.snapshot import ControllerInfo, Frame, Observer, Outcome, Snapshot, Status
 from ..core.wording import counted, described, shown, text_of
 from ..errors import ControllerError, Sonata2dError
 from ..registry import did_you_mean
@@ -311,7 +311,7 @@ class Episode(Drawable):
         try:
             for observer in self.observers:
                 observer.on_frame(frame)
-            self._world.execute(tick_input.command, self._crowd.act(snapshot))
+            self._world.step(tick_input.command, self._crowd.act(snapshot), is_limited=True)
         except BaseException as error:
             interruption.reraise(error)
             self._close_after(error, snapshot)
@@ -377,7 +377,10 @@ def outcome_at(snapshot: Snapshot) -> Outcome | None:
     if "goal" in rules.ends_on and goal.is_reached(robot.pose):
         return Outcome("goal", f"within {goal.distance} m of the goal", snapshot.tick, snapshot.time)
     if "contact" in rules.ends_on and snapshot.contacts:
-        return Outcome("contact", _contact_reason(snapshot.contacts[0]), snapshot.tick, snapshot.time)
+        contact = snapshot.contacts[0]
+        fault = _FAULTS[contact.robot_at_fault, contact.other_at_fault]
+        reason = f"contact with {contact.kind} {contact.id}, at fault: {fault}"
+        return Outcome("contact", reason, snapshot.tick, snapshot.time)
     if snapshot.tick >= rules.last_tick:
         return Outcome("timeout", f"{rules.time_limit} s are over", snapshot.tick, snapshot.time)
     return None
@@ -385,11 +388,6 @@ def outcome_at(snapshot: Snapshot) -> Outcome | None:
 
 # By fault of the robot and of the other side. Recorded in files.
 _FAULTS = {(True, False): "the robot", (False, True): "the other", (True, True): "both", (False, False): "nobody"}
-
-
-def _contact_reason(contact: Contact) -> str:
-    fault = _FAULTS[contact.robot_at_fault, contact.other_at_fault]
-    return f"contact with {contact.kind} {contact.id}, at fault: {fault}"
 
 
 def checked_twist(answer: object, controller_class: type | None = None) -> Twist:

@@ -82,8 +82,6 @@ class Presence:
         Returns:
             Indices of the pedestrians that have entered, and of the pedestrians that have left.
         """
-        if not (leaving or self._to_leave or self._to_enter):  # most ticks of most scenes
-            return [], []
         left = [k for k in leaving if not self.is_absent[k]]
         left += [k for k in self._to_leave if not self.is_absent[k] and tick >= (self._humans[k].leaves or 0)]
         # Pedestrians leave first, because they may make room for others that enter at the same place.

@@ -19,17 +19,9 @@ import pymunk
 from ..core.compiled.kernel import say_if_slow
 from ..core.compiled.packing import Packed
 from ..core.devices import DeviceEvent
-from ..core.entities import Furniture, Human
+from ..core.entities import Furniture
 from ..core.geometry import Disc, Edge, Point, Twist
-from ..core.humans import (
-    BODY_X,
-    BODY_Y,
-    GAZE_X,
-    GAZE_Y,
-    OMEGA,
-    activities_of_present,
-    frozen,
-)
+from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, activities_of_present, frozen
 from ..core.scene import Scene, initial_activities
 from ..core.snapshot import Contact, CrowdCommands, Snapshot
 from ..core.state import HUMAN_SIZE, ROBOT_SIZE, State
@@ -61,8 +53,12 @@ class World:
         self.scene, self.tick = scene, 0
         count, rules = len(scene.humans), scene.rules
         space = _space_with_obstacles(scene)
-        bodies = [_body(h.pose.position, h.velocity, _body_type(h)) for h in scene.humans]
-        torsos = [_torso(body, human) for body, human in zip(bodies, scene.humans, strict=True)]
+        bodies = [_body(h.pose.position, h.velocity, h.behaviour == "recorded") for h in scene.humans]
+        # The kernel turns the torsos in every substep.
+        torsos = [
+            pymunk.Segment(body, (0.0, human.shoulder), (0.0, -human.shoulder), human.radius)
+            for body, human in zip(bodies, scene.humans, strict=True)
+        ]
         bodies.append(_body(scene.robot.pose.position, mass=ROBOT_MASS))
         space.add(*bodies, *torsos, pymunk.Circle(bodies[-1], scene.robot.radius))
         self._row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count)  # as `State.row`
@@ -111,30 +107,17 @@ class World:
             interactions = tuple(i for i in interactions if i.src not in absent and i.dst not in absent)
             activity = activities_of_present(activity, self.scene.human_table.id, interactions)
             is_present = frozen(~self._presence.is_absent)
-        return Snapshot.of_state(
-            self.tick,
-            self.scene,
-            State(row, activity, is_present),
-            interactions,
-            self._contacts(),
-            events,
-        )
+        state = State(row, activity, is_present)
+        return Snapshot.of_state(self.tick, self.scene, state, interactions, self._contacts(), events)
 
-    def execute(self, command: Twist, crowd: CrowdCommands) -> None:
-        """`step` with the twist nearest to a command that the robot's drive can reach within the tick."""
-        self._move(command, crowd, is_limited=True)
-
-    def step(self, twist: Twist, crowd: CrowdCommands) -> None:
+    def step(self, twist: Twist, crowd: CrowdCommands, *, is_limited: bool = False) -> None:
         """Move the world by one tick.
 
         Args:
-            twist: of the robot's drive, body frame, within its limits.
+            twist: of the robot's drive, body frame.
             crowd: commands of the pedestrians.
+            is_limited: whether to limit the twist to what the drive can reach within the tick.
         """
-        self._move(twist, crowd, is_limited=False)
-
-    def _move(self, twist: Twist, crowd: CrowdCommands, *, is_limited: bool) -> None:
-        """Move the world by one tick."""
         buffers = self._buffers
         buffers.facing[:], buffers.gaze[:] = crowd.facing, crowd.gaze
         if crowd.seats != self._seats:
@@ -286,23 +269,11 @@ def _static_segments(ground: pymunk.Body, edges: Sequence[Edge]) -> list[pymunk.
     return [*segments, *(pymunk.Circle(ground, radius, point) for point, radius in ends)]
 
 
-def _body(
-    position: Point,
-    velocity: Point = (0.0, 0.0),
-    body_type: int = pymunk.Body.DYNAMIC,
-    mass: float = MASS,
-) -> pymunk.Body:
-    """A body that slides but does not rotate: headings of pedestrians and robot are not kept by the engine."""
-    body = pymunk.Body(mass, math.inf, body_type)
+def _body(position: Point, velocity: Point = (0.0, 0.0), is_recorded: bool = False, mass: float = MASS) -> pymunk.Body:
+    """A body that slides but does not rotate: headings of pedestrians and robot are not kept by the engine.
+
+    The body of a recorded pedestrian is kinematic: only its own velocity moves it.
+    """
+    body = pymunk.Body(mass, math.inf, pymunk.Body.KINEMATIC if is_recorded else pymunk.Body.DYNAMIC)
     body.position, body.velocity = position, velocity
     return body
-
-
-def _torso(body: pymunk.Body, human: Human) -> pymunk.Segment:
-    """The outline of a pedestrian; `kernel.step` turns it in every substep."""
-    return pymunk.Segment(body, (0.0, human.shoulder), (0.0, -human.shoulder), human.radius)
-
-
-def _body_type(human: Human) -> int:
-    """Kinematic for a recorded pedestrian, which only its own velocity moves."""
-    return pymunk.Body.KINEMATIC if human.behaviour == "recorded" else pymunk.Body.DYNAMIC

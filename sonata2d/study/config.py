@@ -11,8 +11,9 @@ from ..collect.rating import BREAK_AFTER, REPEAT_FRACTION
 from ..core.bounds import Fraction
 from ..core.devices import View
 from ..scenegen.scenario.base import Settings, TupleOf
+from ..scenegen.scenario.problems import setting_error
 from .questions import AnyEntry, RatingQuestion, ScaleConfig
-from .texts import Path, Text, Texts, problem, require_distinct, require_name, texts_in
+from .texts import Name, Path, Text, Texts, require_distinct, texts_in
 
 _Questionnaire = Annotated[TupleOf[AnyEntry], Field(max_length=100)]
 Order = Literal["fixed", "shuffled", "latin-square"]
@@ -119,7 +120,7 @@ class RatingConfig(Settings):
 
     translated: ClassVar[tuple[str, ...]] = ("text",)
 
-    name: str
+    name: Name
     folder: str
     question: RatingQuestion
     count: Annotated[int, Field(ge=1)] | None = None
@@ -127,11 +128,6 @@ class RatingConfig(Settings):
     break_after: Annotated[int, Field(ge=1)] = BREAK_AFTER
     view: View = "top"
     text: Text | None = None
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        require_name(self.name)
-        return self
 
 
 class StudyConfig(Settings):
@@ -193,21 +189,23 @@ class StudyConfig(Settings):
     @model_validator(mode="after")
     def _check(self) -> Self:
         if len(set(self.languages)) < len(self.languages):
-            raise problem("a language is named twice", "languages")
+            raise setting_error("a language is named twice", "languages")
         if not (self.runs or self.ratings):
-            raise problem("a study has runs, ratings or both", "runs")
+            raise setting_error("a study has runs, ratings or both", "runs")
         for section in ("demographics", "after_run", "end"):
             require_distinct("questions", getattr(self, section), section)
         require_distinct("blocks of ratings", self.ratings, "ratings")
         for k, block in enumerate(self.runs):
             if self.order == "shuffled" and len(self.runs) > 1 and block.text is not None:
-                raise problem("runs of several blocks are shuffled; write the text into pages", "runs", k, "text")
+                raise setting_error("runs of several blocks are shuffled; write the text into pages", "runs", k, "text")
         for path, text in texts_in(self):
             self._check_text(path, text)
         for path, entry in self._scales():
             for language in entry.texts:
                 if language not in self.languages:
-                    raise problem(f"{language!r} is not among the languages of the study", *path, "texts", language)
+                    raise setting_error(
+                        f"{language!r} is not among the languages of the study", *path, "texts", language
+                    )
         return self
 
     def _check_text(self, path: Path, text: Text) -> None:
@@ -215,16 +213,16 @@ class StudyConfig(Settings):
         if isinstance(text, str):
             if len(self.languages) > 1 and any(letter.isalpha() for letter in text):
                 example = ", ".join(f"{language}: …" for language in self.languages)
-                raise problem(f"a text of a study in several languages is {{{example}}}", *path)
+                raise setting_error(f"a text of a study in several languages is {{{example}}}", *path)
             text = dict.fromkeys(self.languages, text)
         for language in self.languages:
             if not text.get(language, "1").strip() or (language not in text):
-                raise problem(f"the text in the language {language!r} is missing", *path)
+                raise setting_error(f"the text in the language {language!r} is missing", *path)
         for language, words in text.items():
             if language not in self.languages:
-                raise problem(f"{language!r} is not among the languages of the study", *path, language)
+                raise setting_error(f"{language!r} is not among the languages of the study", *path, language)
             if len(words) > _MAX_TEXT:
-                raise problem(f"the text has {len(words)} characters, more than {_MAX_TEXT}", *path, language)
+                raise setting_error(f"the text has {len(words)} characters, more than {_MAX_TEXT}", *path, language)
 
     def _scales(self) -> Iterator[tuple[Path, ScaleConfig]]:
         """The published questionnaires, each with the keys that lead to it."""

@@ -54,12 +54,7 @@ class StudyFolder:
         self._versions: list[str] = []
         state = self.out / STUDY / _STATE
         structure = _structure_of(study)
-        require_collection_folder(self.out)
-        try:
-            self.out.mkdir(parents=True, exist_ok=True)
-            (self.out / STUDY).mkdir(mode=0o700, exist_ok=True)  # answers and links are for its owner only
-        except OSError as error:
-            raise RecordError(f"{self.out} cannot be written: {error.strerror or error}") from error
+        _make_folders(self.out)
         stored = _read_state(state) if state.exists() else None
         if stored is not None and stored["structure"] != structure:
             if stored["participants"]:
@@ -210,16 +205,25 @@ def locked(out: str | Path) -> Iterator[None]:
     Raises:
         RecordError: another program holds the lock, or the folder holds something else or cannot be written.
     """
-    require_collection_folder(Path(out))
-    try:
-        (Path(out) / STUDY).mkdir(mode=0o700, parents=True, exist_ok=True)  # links and answers are for its owner only
-    except OSError as error:
-        raise RecordError(f"{out} cannot be written: {error.strerror or error}") from error
+    _make_folders(Path(out))
     lock = acquired_lock(Path(out) / STUDY / LOCK, f"another program uses {out}; stop it first")
     try:
         yield
     finally:
         lock.release()
+
+
+def _make_folders(out: Path) -> None:
+    """Create the folder of a study, with its private part.
+
+    Raises:
+        RecordError: the folder holds something else or cannot be written.
+    """
+    require_collection_folder(out)
+    try:
+        (out / STUDY).mkdir(mode=0o700, parents=True, exist_ok=True)  # links and answers are for its owner only
+    except OSError as error:
+        raise RecordError(f"{out} cannot be written: {error.strerror or error}") from error
 
 
 def require_outside(out: str | Path, path: str | Path) -> None:
@@ -287,7 +291,6 @@ def _read_state(path: Path) -> dict[str, Any]:
         state = orjson.loads(read_bytes(path))
         if state["version"] != 1:
             raise ValueError(f"version {state['version']} is unknown; upgrade sonata2d")
-        state.setdefault("withdrawn", [])
         if not all(isinstance(state[key], list) for key in ("participants", "versions", "withdrawn")):
             raise TypeError("participants, versions and withdrawn are lists")
         return {key: state[key] for key in ("structure", "versions", "participants", "withdrawn")}

@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import ValidationError
-
 from ..collect.session import warm_up
 from ..collect.texts import languages, read_table, table
 from ..core.labels import LabelSpec
@@ -18,9 +16,8 @@ from ..errors import ConfigError, SceneError, Sonata2dError
 from ..record.files import sha256_of
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
-from ..scenegen.scenario.load import load_scenario, preset_names
+from ..scenegen.scenario.load import load_scenario, preset_names, validated
 from ..scenegen.scenario.parse import line_of, parse_settings
-from ..scenegen.scenario.problems import problem_of
 from .config import LabelTexts, RatingConfig, StudyConfig
 from .questions import question_kind
 
@@ -133,12 +130,7 @@ def load_study(path: str | Path) -> Study:
         ConfigError: the file, or something that it refers to, is invalid; one line with file, line, key and value.
     """
     path = Path(path)
-    settings = parse_settings(path, "study")
-    try:
-        config = StudyConfig.model_validate(settings)
-    except ValidationError as error:
-        keys, text = problem_of(settings, error)
-        raise ConfigError(f"{path.name}{line_of(path, keys)}: {text}") from None
+    config = validated(StudyConfig, parse_settings(path, "study"), path)
 
     def resolved(load: Callable[..., T], *arguments: Any, keys: list[int | str]) -> T:
         """Load the file that a setting names; errors name the place of the setting."""

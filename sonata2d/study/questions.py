@@ -20,8 +20,9 @@ from ..core.wording import shown
 from ..errors import ConfigError
 from ..registry import QUESTION_KINDS
 from ..scenegen.scenario.base import Settings, TupleOf
+from ..scenegen.scenario.problems import setting_error
 from .scales import Item, Scale, scale_named, scale_names
-from .texts import Json, Text, Texts, in_language, no_text, problem, require_distinct, require_name, with_texts
+from .texts import Json, Name, Text, Texts, in_language, no_text, require_distinct, with_texts
 
 _MAX_TEXT_ANSWER = 5000  # characters
 _MAX_NUMBER = 2**53  # largest magnitude at which JSON readers keep integers exact
@@ -39,7 +40,7 @@ class Entry(Settings):
 
     translated: ClassVar[tuple[str, ...]] = ()
 
-    name: str
+    name: Name
     required: bool = True
     personal: bool | None = None
 
@@ -65,11 +66,6 @@ class Entry(Settings):
             keys that the renderer needs.
         """
         raise NotImplementedError
-
-    @model_validator(mode="after")
-    def _check_name(self) -> Self:
-        require_name(self.name)
-        return self
 
 
 class Question(Entry):
@@ -97,11 +93,11 @@ class Question(Entry):
         if isinstance(values, dict):
             for key, remedy in cls.remedies.items():
                 if values.get(key) is None:
-                    raise problem(remedy, key)
+                    raise setting_error(remedy, key)
             for key in values.keys() - cls.model_fields.keys():
                 kinds = [kind for kind in QUESTION_KINDS.built_in if key in QUESTION_KINDS.load(kind).model_fields]
                 if kinds:
-                    raise problem(f"this key needs kind: {' or '.join(kinds)}", key)
+                    raise setting_error(f"this key needs kind: {' or '.join(kinds)}", key)
         return values
 
     def check(self, value: Any) -> Any:
@@ -209,7 +205,7 @@ class Number(Question):
     @model_validator(mode="after")
     def _check_limits(self) -> Self:
         if self.minimum is not None and self.maximum is not None and self.minimum > self.maximum:
-            raise problem("the minimum is above the maximum", "minimum")
+            raise setting_error("the minimum is above the maximum", "minimum")
         return self
 
     def check(self, value: Any) -> Any:
@@ -254,7 +250,7 @@ class Likert(Question):
         rows = []
         for name, row in items.items():
             if row is None:
-                raise problem(str(no_text(name)), "items")
+                raise setting_error(str(no_text(name)), "items")
             # A row has settings, or is a text, in one language or by language.
             is_item = isinstance(row, dict) and not Item.model_fields.keys().isdisjoint(row)
             rows.append({"name": name} | (row if is_item else {"text": row}))
@@ -263,7 +259,7 @@ class Likert(Question):
     @model_validator(mode="after")
     def _check_rows(self) -> Self:
         if self.labels is not None and len(self.labels) != self.points:
-            raise problem(f"there are {len(self.labels)} labels for {self.points} points", "labels")
+            raise setting_error(f"there are {len(self.labels)} labels for {self.points} points", "labels")
         require_distinct("items", self.items, "items")
         return self
 
@@ -316,17 +312,17 @@ class ScaleConfig(Entry):
     @model_validator(mode="after")
     def _check_scale(self) -> Self:
         if self.scale not in scale_names():
-            raise problem(f"there is no scale {self.scale!r}; scales are {', '.join(scale_names())}", "scale")
+            raise setting_error(f"there is no scale {self.scale!r}; scales are {', '.join(scale_names())}", "scale")
         scale = scale_named(self.scale)
         for k, subscale in enumerate(self.subscales):
             if subscale not in scale.subscales:
                 known = ", ".join(scale.subscales)
-                raise problem(f"{self.scale} has no part {subscale!r}; it has {known}", "subscales", k)
+                raise setting_error(f"{self.scale} has no part {subscale!r}; it has {known}", "subscales", k)
         for language, texts in self.texts.items():
             for key, text in texts.items():
                 reason = scale.problem_of_translation(key, text)
                 if reason:
-                    raise problem(reason, "texts", language, key)
+                    raise setting_error(reason, "texts", language, key)
         return self
 
     @property
@@ -387,11 +383,11 @@ def _parse_question(value: Any) -> Any:
         return value
     name = value.get("kind")
     if not isinstance(name, str):
-        raise problem(f"a question needs a kind: {', '.join(QUESTION_KINDS)}", "kind")
+        raise setting_error(f"a question needs a kind: {', '.join(QUESTION_KINDS)}", "kind")
     try:
         kind = question_kind(name)
     except ConfigError as error:
-        raise problem(str(error), "kind") from None
+        raise setting_error(str(error), "kind") from None
     return kind.model_validate(value)
 
 
@@ -404,7 +400,7 @@ def _parse_entry(value: Any) -> Any:
 def _parse_rating_question(value: Any) -> Any:
     question = _parse_question(value)
     if isinstance(question, Question) and not isinstance(question, LabelQuestion):
-        raise problem("runs are rated with yes_no, classes, slider or text", "kind")
+        raise setting_error("runs are rated with yes_no, classes, slider or text", "kind")
     return question
 
 

@@ -16,71 +16,14 @@ from ..datasets.manifest import LOG, MANIFEST, read_manifest
 from ..errors import RecordError
 from ..record.files import read_bytes, safe_stem, write_atomically
 from ..record.reader import read_episode
+from ..scenegen.scenario.parse import parse_settings
 from .answers import read_answers
 from .folder import ANSWERS, PERSONAL, RATED, STUDY, read_state, require_outside
 from .questions import Likert, question_kind
 from .scales import Item, scale_named
 
 Row = dict[str, Any]
-TABLES = {  # meaning of each column
-    "participants": {
-        "participant": "id",
-        "language": "that the participant reads",
-        "state": "`not begun` (the link was never opened), `begun`, `declined` (no consent) or `finished`",
-        "last_step": "step of the last event, as in `sonata2d study check`",
-        "begun": "time at which the link was opened first (UTC, as all times)",
-        "consented": "time of the consent",
-        "finished": "time at which the last step was done",
-        "last_event": "time of the last event",
-        "runs": "number of kept runs",
-        "ratings": "number of ratings",
-    },
-    "runs": {
-        "participant": "id",
-        "order": "number of the run, from 1, in the order in which the participant drove them",
-        "step": "such as `run-3`",
-        "scenario": "name of the scenario",
-        "scene": "number of the scene; the block of runs is its quotient by 10 000",
-        "file": "name of the episode file",
-        "outcome": "as in the episode file",
-        "seconds": "duration of the run in simulated time, s",
-        "attempts": "runs that were begun for this step: the kept one, and runs that were discarded or driven again",
-        "dropped_ticks": "ticks of real time that were not simulated, because the page was too slow",
-        "round_trip_median": "median of the round trip between page and server, s",
-        "round_trip_95": "its 95th percentile, s",
-        "label": "answer to the scenario's question about the run: 1 for yes and 0 for no; number of the class, from 1;"
-        " fraction from 0 to 1 of a slider; text",
-    },
-    "answers": {
-        "participant": "id",
-        "step": "`demographics`, `end`, or such as `after-run-3`",
-        "file": "the run that the answer is about",
-        "question": "name of the question",
-        "item": "row of a table; empty for other questions",
-        "value": "as `label` of a run; of a table the point, from 1 to the number of points, also of reversed items; a "
-        "number as it was given",
-        "time": "of the answer",
-    },
-    "scores": {
-        "participant": "id",
-        "step": "as of an answer",
-        "file": "as of an answer",
-        "table": "name of the table of statements, or of the published questionnaire",
-        "part": "of the questionnaire; empty for a table without parts",
-        "score": "mean of the answered items, in points; reversed items count as `points + 1 - value`",
-        "items": "number of answered items",
-    },
-    "ratings": {
-        "participant": "id",
-        "block": "name of the block of ratings",
-        "file": "the rated episode file",
-        "showing": "1 for the first rating of a file, 2 for the hidden repeat",
-        "label": "as `label` of a run",
-        "seconds": "playing time before the answer, s",
-        "whole": "1 if the run was watched to its end",
-        "time": "of the rating",
-    },
-}
+TABLES = parse_settings(Path(__file__).with_name("tables.yaml"))  # meaning of each column, by table
 
 
 def save_results(out: str | Path, folder: str | Path, *, personal: bool = False) -> dict[Path, int]:
@@ -161,25 +104,20 @@ def _cell(value: Any) -> Any:
 
 
 def _participant_row(id: str, first_language: str, events: list[Row], runs: list[Row], ratings: list[Row]) -> Row:
-    consented, finished, steps, languages = None, None, [], []
-    state = "begun" if events else "not begun"
-    for event in events:
-        kind = event["event"]
-        steps += [event["step"]] if "step" in event else []
-        languages += [event["language"]] if "language" in event else []
-        consented = event["time"] if kind == "consented" else consented
-        if kind in ("finished", "undone"):
-            finished = event["time"] if kind == "finished" else None
-        if kind in ("declined", "reconsidered", "consented"):
-            state = "declined" if kind == "declined" else "begun"
+    last = {event["event"]: event["time"] for event in events}  # time of the last event of each kind
+    ends = [event["event"] for event in events if event["event"] in ("finished", "undone")]
+    choices = [event["event"] for event in events if event["event"] in ("declined", "reconsidered", "consented")]
+    is_finished = ends[-1:] == ["finished"]  # a run that is taken back makes a finished study unfinished
+    state = "declined" if choices[-1:] == ["declined"] else "begun" if events else "not begun"
+    languages = [event["language"] for event in events if "language" in event]
     return {
         "participant": id,
         "language": languages[-1] if languages else first_language if events else None,
-        "state": "finished" if finished else state,
-        "last_step": steps[-1] if steps else None,
+        "state": "finished" if is_finished else state,
+        "last_step": next((event["step"] for event in reversed(events) if "step" in event), None),
         "begun": events[0]["time"] if events else None,
-        "consented": consented,
-        "finished": finished,
+        "consented": last.get("consented"),
+        "finished": last["finished"] if is_finished else None,
         "last_event": events[-1]["time"] if events else None,
         "runs": sum(row["participant"] == id for row in runs),
         "ratings": sum(row["participant"] == id for row in ratings),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import ClassVar, Self
@@ -12,7 +12,8 @@ from pydantic import model_validator
 
 from ..scenegen.scenario.base import Settings
 from ..scenegen.scenario.parse import parse_settings
-from .texts import Text, problem
+from ..scenegen.scenario.problems import setting_error
+from .texts import Text
 
 _FOLDER = Path(__file__).with_name("scales")
 _FRAME = ("question", "first", "last")  # texts of a scale besides its items
@@ -40,9 +41,9 @@ class Item(Settings):
     @model_validator(mode="after")
     def _check(self) -> Self:
         if not self.name:
-            raise problem("an item needs a name", "name")
+            raise setting_error("an item needs a name", "name")
         if not self.text and self.ends is None:
-            raise problem("an item needs a text, or the two ends of a pair of opposites")
+            raise setting_error("an item needs a text, or the two ends of a pair of opposites")
         return self
 
 
@@ -66,7 +67,7 @@ class Scale:
     question: str
     points: int
     ends: tuple[str, str] | None
-    items: tuple[Item, ...] = field(default=())
+    items: tuple[Item, ...]
 
     @property
     def subscales(self) -> tuple[str, ...]:

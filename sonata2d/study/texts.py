@@ -6,10 +6,11 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator
+from pydantic import AfterValidator, BeforeValidator
 from pydantic_core import PydanticCustomError
 
 from ..scenegen.scenario.base import Settings, TupleOf
+from ..scenegen.scenario.problems import setting_error
 
 Json = dict[str, Any]
 Path = tuple[str | int, ...]  # keys that lead to a setting
@@ -74,19 +75,9 @@ def with_texts(settings: Settings, change: Callable[[Text], str]) -> Json:
     return values
 
 
-def problem(message: str, *path: str | int) -> PydanticCustomError:
-    """The error about a setting.
-
-    Args:
-        message: reason and remedy.
-        path: keys that lead to the setting, from the settings that are being validated.
-    """
-    return PydanticCustomError("study", "{message}", {"message": message, "path": path})
-
-
 def no_text(name: object) -> PydanticCustomError:
     """The error about a key without a text."""
-    return problem(f"{name!r} has no text; a text with a comma needs quotes within braces")
+    return setting_error(f"{name!r} has no text; a text with a comma needs quotes within braces")
 
 
 def require_distinct(things: str, settings: Sequence[Any], section: str) -> None:
@@ -100,10 +91,14 @@ def require_distinct(things: str, settings: Sequence[Any], section: str) -> None
     names = [item.name for item in settings]
     for k, name in enumerate(names):
         if name in names[:k]:
-            raise problem(f"two {things} have the name {name!r}", section, k, "name")
+            raise setting_error(f"two {things} have the name {name!r}", section, k, "name")
 
 
-def require_name(name: str) -> None:
+def _require_name(name: str) -> str:
     """Require that a name can be a key of answers, and the name of a folder."""
     if not _NAME.fullmatch(name):
-        raise problem("a name begins with a letter and has up to 40 letters, digits, dashes and underscores", "name")
+        raise setting_error("a name begins with a letter and has up to 40 letters, digits, dashes and underscores")
+    return name
+
+
+Name = Annotated[str, AfterValidator(_require_name)]

@@ -145,7 +145,7 @@ def test_prediction_agrees_with_the_motion_of_the_world() -> None:
     for twist, (v, t) in list(zip(planner._twists, planner._pairs, strict=False))[::13]:
         world = World(scene)
         for _ in range(int(steps * STEP / 0.1 + 0.5)):
-            world.execute(twist, commands)
+            world.step(twist, commands, is_limited=True)
         assert world.snapshot().robot.position == pytest.approx(planner._positions[:, steps, t, v], abs=0.05)
 
 

@@ -146,7 +146,7 @@ def test_heads_turn_before_bodies_and_within_the_limit_of_the_neck() -> None:
 def test_velocity_and_acceleration_limits_hold_for_any_command() -> None:
     world, before, limits = World(room(robot=Pose(0.0, 0.0))), Twist(), Limits()
     for _ in range(30):
-        world.execute(Twist(9.0, 9.0, 9.0), still(world))
+        world.step(Twist(9.0, 9.0, 9.0), still(world), is_limited=True)
         after = world.snapshot().robot.executed
         assert math.hypot(after.vx - before.vx, after.vy - before.vy) <= limits.acceleration * 0.1 + 1e-9
         assert abs(after.omega - before.omega) <= limits.turn_acceleration * 0.1 + 1e-9
@@ -186,7 +186,7 @@ def pushing(world: World, target: tuple[float, float], speed: float = 1.8) -> Cr
 def test_a_unicycle_does_not_move_sideways() -> None:
     world = unicycle_among([], robot=Pose(0.0, 0.0))
     for _ in range(10):
-        world.execute(Twist(0.0, 1.0, 0.0), still(world))
+        world.step(Twist(0.0, 1.0, 0.0), still(world), is_limited=True)
     assert world.snapshot().robot.position == (0.0, 0.0)
     assert world.snapshot().robot.executed == Twist()
 

@@ -22,6 +22,7 @@ angle_of = subroutine(portable_math.angle_of)
 rotation = subroutine(portable_math.rotation)
 unit_vector = subroutine(portable_math.unit_vector)
 wrap_angle = subroutine(vectors.wrap_angle)
+length = subroutine(vectors.length)
 
 
 @subroutine
@@ -41,12 +42,6 @@ def canonical_angle(theta: float) -> float:
 def clipped(value: float, low: float, high: float) -> float:
     """The value limited to [low, high]."""
     return min(max(value, low), high)
-
-
-@subroutine
-def length(x: float, y: float) -> float:
-    """Length of a vector."""
-    return math.sqrt(x * x + y * y)
 
 
 @subroutine

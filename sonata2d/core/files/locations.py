@@ -18,9 +18,6 @@ from ...errors import RecordError
 _URL = re.compile(r"(?P<protocol>[A-Za-z][A-Za-z0-9+.-]+)://")
 _OBJECT_STORES = {"s3", "s3a", "gs", "gcs", "az", "abfs", "abfss", "adl", "oci", "memory", "hf"}
 _reached: set[str] = set()  # stores that have answered
-_PACKAGES = {
-    "s3": "s3fs", "s3a": "s3fs", "gs": "gcsfs", "gcs": "gcsfs", "az": "adlfs", "abfs": "adlfs", "abfss": "adlfs"
-}  # fmt: skip
 
 
 def location(path: str | os.PathLike[str]) -> Path:
@@ -59,10 +56,8 @@ def _in_store(url: str, protocol: str) -> Path:
     try:
         remote = UPath(url, **options)
         _ = remote.fs
-    except ImportError as error:
-        package = _PACKAGES.get(protocol)
-        remedy = f": pip install {package}" if package else f" ({error})"
-        raise ValueError(f"{url} needs a package that is not installed{remedy}") from error
+    except ImportError as error:  # its text names the package
+        raise ValueError(f"{url} needs a package that is not installed ({error})") from error
     except ValueError as error:
         raise ValueError(
             f"{url}: fsspec knows no protocol {protocol!r}; use a path, or s3://, gs:// or another"

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
+from ...core.files.optional import optional
+from ...core.geometry import as_point
 from ...errors import Sonata2dError
 from .graph import NODE_TYPES, RELATIONS, Graph
 
@@ -23,7 +24,7 @@ def to_data(graph: Graph) -> Any:
     Raises:
         Sonata2dError: PyTorch Geometric is not installed.
     """
-    torch, data = _import_torch()
+    torch, data = optional("torch", Sonata2dError), optional("torch_geometric.data", Sonata2dError)
     label = _label(torch, graph)
     return data.Data(
         x=torch.tensor(graph.features, dtype=torch.float32),
@@ -45,7 +46,7 @@ def to_hetero(graph: Graph) -> Any:
     Raises:
         Sonata2dError: PyTorch Geometric is not installed.
     """
-    torch, data = _import_torch()
+    torch, data = optional("torch", Sonata2dError), optional("torch_geometric.data", Sonata2dError)
     hetero, label = data.HeteroData(), _label(torch, graph)
     for kind in range(len(NODE_TYPES)):
         selected = graph.node_type == kind
@@ -85,15 +86,6 @@ def _label(torch: Any, graph: Graph) -> Any:
     return torch.tensor(values.reshape(1, -1), dtype=torch.float32) if is_numeric else None
 
 
-def _import_torch() -> tuple[ModuleType, ModuleType]:
-    try:
-        import torch
-        import torch_geometric.data as data
-    except ImportError as error:
-        raise Sonata2dError("PyTorch Geometric is not installed; pip install torch torch_geometric") from error
-    return torch, data
-
-
 def save_graph(path: str | Path, graph: Graph, *, dt: float, title: str = "") -> None:
     """Draw the instants of a graph side by side, the newest on the left, in the graph's frame of reference.
 
@@ -124,7 +116,7 @@ def save_graph(path: str | Path, graph: Graph, *, dt: float, title: str = "") ->
         panels.append(
             Panel(
                 title=f"{tick * dt:.1f} s" + ("" if i == 0 else f"   ({(graph.ticks[0] - tick) * dt:.1f} s before)"),
-                nodes=[(kinds[k], _text(kinds[k], int(graph.entity[k])), _position(graph, k)) for k in nodes],
+                nodes=[(kinds[k], _text(kinds[k], int(graph.entity[k])), as_point(graph.position[k])) for k in nodes],
                 edges=[pair for pair, kind in edges if kind not in _INTERACTIONS],
                 interactions=[pair for pair, kind in edges if kind in _INTERACTIONS],
             )
@@ -137,8 +129,3 @@ def save_graph(path: str | Path, graph: Graph, *, dt: float, title: str = "") ->
 def _text(kind: str, entity: int) -> str:
     """The id of a pedestrian or object; walls, room and goal are recognised by their colour."""
     return str(entity) if kind in ("human", "object") else ""
-
-
-def _position(graph: Graph, k: int) -> tuple[float, float]:
-    x, y = graph.position[k].tolist()
-    return x, y

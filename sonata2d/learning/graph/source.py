@@ -98,8 +98,9 @@ class SceneNodes:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self._wall_indices, self.pieces = wall_pieces(_wall_ends(scene))
-        self.fixed = frozen(np.concatenate((_object_rows(scene), _goal_row(scene), _wall_rows(self.pieces))))
+        walls = np.array([(*wall.start, *wall.end) for wall in scene.walls], dtype=float).reshape(-1, 4)
+        self._wall_indices, self.pieces = wall_pieces(walls)
+        self.fixed = frozen(np.concatenate((_object_and_goal_rows(scene), _wall_rows(self.pieces))))
         self.radius, self.shoulder = scene.human_table.radius, scene.human_table.shoulder
         self._nodes: tuple[bytes, Nodes] | None = None  # of the last observations, by presence
 
@@ -117,16 +118,14 @@ class SceneNodes:
         return self._nodes[1]
 
 
-def _object_rows(scene: Scene) -> Array:
+def _object_and_goal_rows(scene: Scene) -> Array:
+    """The objects, and the goal as a disc of the distance at which it is reached."""
+    goal = scene.goal
     poses = [(thing.pose.x, thing.pose.y, thing.pose.theta) for thing in scene.furniture]
-    shapes = [thing.shape for thing in scene.furniture]
+    poses.append((goal.x, goal.y, goal.theta))
+    shapes = [*(thing.shape for thing in scene.furniture), Disc(goal.distance)]
     sizes = [(2 * s.radius, 2 * s.radius) if isinstance(s, Disc) else (s.length, s.width) for s in shapes]
     return _fixed_rows(poses, sizes, [s.radius if isinstance(s, Disc) else 0.0 for s in shapes])
-
-
-def _goal_row(scene: Scene) -> Array:
-    goal = scene.goal
-    return _fixed_rows([(goal.x, goal.y, goal.theta)], [(2 * goal.distance, 2 * goal.distance)], [goal.distance])
 
 
 def _wall_rows(pieces: Array) -> Array:
@@ -144,8 +143,3 @@ def _fixed_rows(poses: Any, sizes: Any, radius: Any) -> Array:
     rows[:, RADIUS] = radius
     rows[:, AXIS_X : AXIS_Y + 1] = unit_vectors(rows[:, ROW_THETA])
     return rows
-
-
-def _wall_ends(scene: Scene) -> Array:
-    """x1, y1, x2, y2 of the walls; (W, 4), m, world frame."""
-    return np.array([(*wall.start, *wall.end) for wall in scene.walls], dtype=float).reshape(-1, 4)

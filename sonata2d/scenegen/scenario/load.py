@@ -6,17 +6,19 @@ import os
 from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
 from ...core.files.reading import is_shell_pipe
 from ...core.wording import shown
 from ...errors import ConfigError
+from .base import Settings
 from .config import ScenarioConfig, merged
 from .parse import line_of, parse_settings
 from .problems import problem_of
 
+S = TypeVar("S", bound=Settings)
 _PRESETS = Path(__file__).parents[1] / "presets"
 _SUFFIXES = (".yaml", ".yml", ".json", ".toml")
 
@@ -107,12 +109,25 @@ def _load(path: Path, extended_by: tuple[Path, ...]) -> tuple[ScenarioConfig, di
         base = {key: value for key, value in base.items() if key not in ("name", "description")}
         settings = merged(base, settings)
     settings = {"name": path.stem} | settings
+    return validated(ScenarioConfig, settings, path), settings
+
+
+def validated(kind: type[S], settings: dict[str, Any], path: Path) -> S:
+    """Validate the settings of a file.
+
+    Args:
+        kind: class of the settings.
+        settings: as parsed.
+        path: of the file, for the message.
+
+    Raises:
+        ConfigError: a setting is invalid; one line with file, line, key and value.
+    """
     try:
-        config = ScenarioConfig.model_validate(settings)
+        return kind.model_validate(settings)
     except ValidationError as error:
         keys, text = problem_of(settings, error)
         raise ConfigError(f"{path.name}{line_of(path, keys)}: {text}") from None
-    return config, settings
 
 
 def _real(path: Path) -> Path:

@@ -24,9 +24,9 @@ _STEP, _EACH_BODY, _GET, _SET, _SET_ENDS, _SPACE, _READ, _WRITE, _PLACE, _ROBOT 
 _READ_COUNT, _WRITE_COUNT, _PLACE_COUNT = 0, 4, 8  # items of `Engine.counts`: the fields `num` of the buffers
 
 
-# Addresses of the C functions, the first items of `Engine.handle`.
-_FUNCTIONS = [
-    int(ffi.cast("intptr_t", ffi.addressof(lib, name)))
+# The C functions; their addresses are the first items of `Engine.handle`.
+_POINTERS = [
+    ffi.addressof(lib, name)
     for name in (
         "cpSpaceStep",
         "cpSpaceEachBody",
@@ -35,6 +35,7 @@ _FUNCTIONS = [
         "cpSegmentShapeSetEndpoints",
     )
 ]
+_KINDS = {int(ffi.cast("intptr_t", pointer)): ffi.typeof(pointer) for pointer in _POINTERS}  # types by address
 
 Counts = Annotated[NDArray[np.int32], np.int32, 1]
 
@@ -88,14 +89,11 @@ class EngineMemory:
         self._buffers = [ffi.from_buffer("cpFloat[]", array) for array in numbers]
         for header, request, buffer, wanted in zip(self._headers, self._requests, self._buffers, fields, strict=True):
             header.arr, header.max = buffer, len(buffer)
-            request.floatArray, request.intArray, request.fields = (
-                ffi.addressof(header),
-                self._no_integers,
-                wanted.value,
-            )
+            request.floatArray, request.intArray = ffi.addressof(header), self._no_integers
+            request.fields = wanted.value
         self._space = space  # pymunk frees the C space with it
         items = space._space, *self._requests, robot._body
-        addresses = [*_FUNCTIONS, *(int(ffi.cast("intptr_t", item)) for item in items)]
+        addresses = [*_KINDS, *(int(ffi.cast("intptr_t", item)) for item in items)]
         counts = np.frombuffer(ffi.buffer(self._headers), dtype=np.int32)
         bodies, forces = numbers[0][: 4 * count].reshape(count, 4), numbers[1][: 2 * count].reshape(count, 2)
         shapes = np.array([int(ffi.cast("intptr_t", torso._shape)) for torso in torsos], dtype=np.int64)
@@ -105,25 +103,16 @@ class EngineMemory:
         self.engine = Engine(handle, counts, bodies, forces, shapes, shoulder, motion_of_robot)
 
 
-def _pointer(kind: str, address: int) -> Any:
-    return ffi.cast(kind, int(address))
-
-
-def _interpreted_step(function: int, space: int, h: float) -> None:
-    lib.cpSpaceStep(_pointer("cpSpace *", space), float(h))
-
-
-def _interpreted_visit(visit: int, body: int, request: int) -> None:
-    _pointer("cpSpaceBodyIteratorFunc", visit)(_pointer("cpBody *", body), _pointer("void *", request))
-
-
-def _interpreted_each_body(function: int, space: int, visit: int, request: int) -> None:
-    visitor = _pointer("cpSpaceBodyIteratorFunc", visit)
-    lib.cpSpaceEachBody(_pointer("cpSpace *", space), visitor, _pointer("void *", request))
-
-
-def _interpreted_set_ends(function: int, shape: int, ax: float, ay: float, bx: float, by: float) -> None:
-    lib.cpSegmentShapeSetEndpoints(_pointer("cpShape *", shape), (float(ax), float(ay)), (float(bx), float(by)))
+def _interpreted_call(function: int, numbers: tuple[Any, ...]) -> None:
+    """Call the C function at an address with addresses and numbers; a vector is two of them."""
+    kind, items = _KINDS[int(function)], iter(numbers)
+    passed: list[Any] = []
+    for argument in kind.args:
+        if argument.kind == "struct":
+            passed.append((float(next(items)), float(next(items))))
+        else:
+            passed.append(float(next(items)) if argument.kind == "primitive" else ffi.cast(argument, int(next(items))))
+    ffi.cast(kind, int(function))(*passed)
 
 
 if IS_COMPILED:
@@ -133,72 +122,31 @@ if IS_COMPILED:
     from numba.extending import intrinsic
 
     @intrinsic  # type: ignore[untyped-decorator]
-    def _compiled_step(typing_context: Any, function: Any, space: Any, h: Any) -> Any:
-        """Call the C function at an address with an address and a number."""
+    def _compiled_call(typing_context: Any, function: Any, numbers: Any) -> Any:
+        """Call as `_interpreted_call`."""
 
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            function_type = ir.FunctionType(ir.VoidType(), [ir.IntType(64), ir.DoubleType()])
-            builder.call(builder.inttoptr(arguments[0], function_type.as_pointer()), arguments[1:])
-            return context.get_dummy_value()
-
-        return types.void(types.int64, types.int64, types.float64), generate
-
-    @intrinsic  # type: ignore[untyped-decorator]
-    def _compiled_visit(typing_context: Any, function: Any, body: Any, request: Any) -> Any:
-        """Call the C function at an address with two addresses."""
-
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            function_type = ir.FunctionType(ir.VoidType(), [ir.IntType(64)] * 2)
-            builder.call(builder.inttoptr(arguments[0], function_type.as_pointer()), arguments[1:])
-            return context.get_dummy_value()
-
-        return types.void(types.int64, types.int64, types.int64), generate
-
-    @intrinsic  # type: ignore[untyped-decorator]
-    def _compiled_each_body(typing_context: Any, function: Any, space: Any, visit: Any, request: Any) -> Any:
-        """Call the C function at an address with three addresses."""
-
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            function_type = ir.FunctionType(ir.VoidType(), [ir.IntType(64)] * 3)
-            builder.call(builder.inttoptr(arguments[0], function_type.as_pointer()), arguments[1:])
-            return context.get_dummy_value()
-
-        return types.void(types.int64, types.int64, types.int64, types.int64), generate
-
-    @intrinsic  # type: ignore[untyped-decorator]
-    def _compiled_set_ends(typing_context: Any, function: Any, shape: Any, ax: Any, ay: Any, bx: Any, by: Any) -> Any:
-        """Call the C function at an address with an address and two vectors of two numbers."""
-
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            function_type = ir.FunctionType(ir.VoidType(), [ir.IntType(64), *[ir.DoubleType()] * 4])
-            passed = list(arguments[1:])
-            if sys.platform == "win32":  # which passes addresses of the vectors, others their numbers
-                pair = ir.ArrayType(ir.DoubleType(), 2)
-                places = [cgutils.alloca_once(builder, pair) for _ in range(2)]
+            passed = cgutils.unpack_tuple(builder, arguments[1])
+            if sys.platform == "win32" and len(passed) == 5:
+                # It passes the addresses of the two vectors, others pass their numbers.
+                places = [cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), 2)) for _ in range(2)]
                 for n, number in enumerate(passed[1:]):
                     builder.store(number, cgutils.gep_inbounds(builder, places[n // 2], 0, n % 2))
-                function_type = ir.FunctionType(ir.VoidType(), [ir.IntType(64), *[pair.as_pointer()] * 2])
                 passed = [passed[0], *places]
+            function_type = ir.FunctionType(ir.VoidType(), [value.type for value in passed])
             builder.call(builder.inttoptr(arguments[0], function_type.as_pointer()), passed)
             return context.get_dummy_value()
 
-        return types.void(types.int64, types.int64, *[types.float64] * 4), generate
+        return types.void(types.int64, numbers), generate
 
-    _call_step: Any = _compiled_step
-    _call_visit: Any = _compiled_visit
-    _call_each_body: Any = _compiled_each_body
-    _call_set_ends: Any = _compiled_set_ends
-else:
-    _call_step = _interpreted_step
-    _call_visit = _interpreted_visit
-    _call_each_body = _interpreted_each_body
-    _call_set_ends = _interpreted_set_ends
+
+_call: Any = _compiled_call if IS_COMPILED else _interpreted_call
 
 
 @subroutine
 def step_space(engine: Engine, h: float) -> None:
     """Move all bodies by h seconds."""
-    _call_step(engine.handle[_STEP], engine.handle[_SPACE], h)
+    _call(engine.handle[_STEP], (engine.handle[_SPACE], h))
 
 
 @subroutine
@@ -206,7 +154,7 @@ def read_bodies(engine: Engine) -> None:
     """Copy positions and velocities from the engine to `Engine.bodies`."""
     handle = engine.handle
     engine.counts[_READ_COUNT] = 0
-    _call_each_body(handle[_EACH_BODY], handle[_SPACE], handle[_GET], handle[_READ])
+    _call(handle[_EACH_BODY], (handle[_SPACE], handle[_GET], handle[_READ]))
 
 
 @subroutine
@@ -214,7 +162,7 @@ def apply_forces(engine: Engine) -> None:
     """Set the forces of all bodies from `Engine.forces`; they act in the next step only."""
     handle = engine.handle
     engine.counts[_WRITE_COUNT] = 0
-    _call_each_body(handle[_EACH_BODY], handle[_SPACE], handle[_SET], handle[_WRITE])
+    _call(handle[_EACH_BODY], (handle[_SPACE], handle[_SET], handle[_WRITE]))
 
 
 @subroutine
@@ -224,7 +172,7 @@ def turn_torso(engine: Engine, k: int, x: float, y: float) -> None:
     The engine's bodies do not rotate: it would compute sines and cosines, whose last bits depend on the C library.
     """
     half = engine.shoulder[k]
-    _call_set_ends(engine.handle[_SET_ENDS], engine.torsos[k], -y * half, x * half, y * half, -x * half)
+    _call(engine.handle[_SET_ENDS], (engine.torsos[k], -y * half, x * half, y * half, -x * half))
 
 
 @subroutine
@@ -232,4 +180,4 @@ def place_robot(engine: Engine) -> None:
     """Set position and velocity of the robot's body from `Engine.robot`."""
     handle = engine.handle
     engine.counts[_PLACE_COUNT] = 0
-    _call_visit(handle[_SET], handle[_ROBOT], handle[_PLACE])
+    _call(handle[_SET], (handle[_ROBOT], handle[_PLACE]))

@@ -104,15 +104,7 @@ class Buffers(NamedTuple):
 
 
 @kernel
-def advance(
-    packed_world: Any,
-    vx: float,
-    vy: float,
-    omega: float,
-    is_limited: bool,
-    first: int,
-    end: int,
-) -> None:
+def advance(packed_world: Any, vx: float, vy: float, omega: float, is_limited: bool, first: int, end: int) -> None:
     """Move the world from one substep of a tick to another.
 
     Args:
@@ -317,19 +309,10 @@ def _restore_robot(engine: Engine) -> None:
 def copy_bodies(bodies: Array, robot: Array, humans: Array) -> None:
     """Copy positions and velocities from the engine's rows, the robot last, to the state."""
     count = humans.shape[0]
-    for k in range(count):
-        humans[k, X], humans[k, Y], humans[k, VX], humans[k, VY] = (
-            bodies[k, X],
-            bodies[k, Y],
-            bodies[k, VX],
-            bodies[k, VY],
-        )
-    robot[X], robot[Y], robot[VX], robot[VY] = (
-        bodies[count, X],
-        bodies[count, Y],
-        bodies[count, VX],
-        bodies[count, VY],
-    )
+    for column in range(4):  # x, y, vx, vy are the first columns of all
+        for k in range(count):
+            humans[k, column] = bodies[k, column]
+        robot[column] = bodies[count, column]
 
 
 @kernel
