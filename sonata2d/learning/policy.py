@@ -11,13 +11,14 @@ import numpy as np
 
 from ..agents.controllers.learned import LearnedController
 from ..core.geometry import Twist
+from ..core.portable_math import Array, IntArray
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..record.layout import ROW_THETA
 from .graph.features import INSTANTS
 from .graph.graph import INTERVAL, ROUNDING, Graph
-from .graph.modern import graph_of_observations, inputs_of
-from .graph.paper import LABEL_SIGNS, paper_graph
+from .graph.modern import graph_of_observations, inputs_of_rows, modern_rows
+from .graph.paper import LABEL_SIGNS, nodes_of_instants, paper_graph, paper_rows
 from .graph.source import Observation, SceneNodes, observation_of
 from .network import network_of
 from .weights import STOCK, read_weights
@@ -57,11 +58,24 @@ class GraphPolicy(LearnedController):
 
     def act(self, snapshot: Snapshot) -> Twist:
         self._history.append(observation_of(snapshot))
-        graph = self.graph(snapshot.scene)
-        fraction = self._network(inputs_of(graph), graph.edges, graph.relation)
-        if self._weights.graph == "paper":
-            fraction = fraction * LABEL_SIGNS
+        if self._weights.graph == "modern":
+            fraction = self._network(*self._modern_inputs())
+        else:
+            fraction = self._network(*self._paper_inputs()) * LABEL_SIGNS
         return Twist(*(fraction * self._scale).tolist())
+
+    def _modern_inputs(self) -> tuple[Array, IntArray, IntArray]:
+        """Inputs, edges and relations of the graph at the current tick."""
+        newest = self._history[-1]
+        nodes = self._scene_nodes.of([newest])
+        rows = modern_rows(self._scene_nodes, nodes, [newest], newest.robot[: ROW_THETA + 1])
+        return inputs_of_rows(rows, nodes.goal), *nodes.edges([newest.interactions])
+
+    def _paper_inputs(self) -> tuple[Array, IntArray, IntArray]:
+        instants = self._instants()
+        nodes = nodes_of_instants(self._scene_nodes, instants)
+        rows, _ = paper_rows(self._scene_nodes, nodes, instants, is_first=self._is_first(instants))
+        return rows, *nodes.edges([current.interactions for current, _ in instants])
 
     def graph(self, scene: Scene) -> Graph:
         """Return the graph that the network reads at the current tick; call `act` first."""
@@ -69,8 +83,11 @@ class GraphPolicy(LearnedController):
         if self._weights.graph == "modern":
             return graph_of_observations(self._scene_nodes, [newest], newest.robot[: ROW_THETA + 1])
         instants = self._instants()
-        # The oldest instant may be the first one of `paper_graphs` with `skip_first`.
-        return paper_graph(self._scene_nodes, instants, is_first=instants[-1][0].tick < 2 * self._step)
+        return paper_graph(self._scene_nodes, instants, is_first=self._is_first(instants))
+
+    def _is_first(self, instants: list[tuple[Observation, Observation]]) -> bool:
+        """Whether the oldest instant is the first one of `paper_graphs` with `skip_first`."""
+        return instants[-1][0].tick < 2 * self._step
 
     def _instants(self) -> list[tuple[Observation, Observation]]:
         """Observations a second apart, the newest first, each with the one of the tick before.

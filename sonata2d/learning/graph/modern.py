@@ -15,7 +15,7 @@ from ...core.portable_math import Array, arctan2
 from ...record.layout import ROW_THETA
 from ...record.record import EpisodeRecord
 from .features import INPUTS, MODERN_FEATURES
-from .graph import INTERVAL, NODE_TYPES, Graph
+from .graph import INTERVAL, NODE_TYPES, Graph, Nodes
 from .source import Observation, SceneNodes, recorded_observation, require_task
 
 FRAMES = ("world", "robot", "goal")
@@ -79,20 +79,26 @@ def graph_of_observations(
         origin: (3,), x, y, theta of the frame of reference of all instants, world frame.
         label: label of the graph.
     """
+    nodes = scene_nodes.of(observations)
+    features = modern_rows(scene_nodes, nodes, observations, origin)
+    interactions = [observation.interactions for observation in observations]
+    ticks = tuple(observation.tick for observation in observations)
+    return nodes.graph(MODERN_FEATURES, features, features[:, _X : _X + 2].copy(), interactions, ticks, label)
+
+
+def modern_rows(scene_nodes: SceneNodes, nodes: Nodes, observations: Sequence[Observation], origin: Array) -> Array:
+    """Return the features of `graph_of_observations`; (k N, 20) for N nodes and k instants."""
     from .kernels import modern_features  # imported late: `MODERN_FEATURES` needs no compiler
 
-    scene, nodes = scene_nodes.scene, scene_nodes.of(observations)
-    count = len(nodes)
-    features = np.empty((len(observations) * count, len(MODERN_FEATURES)))
+    scene, count = scene_nodes.scene, len(nodes)
+    rows = np.empty((len(observations) * count, len(MODERN_FEATURES)))
     for i, observation in enumerate(observations):
         modern_features(
             scene_nodes.fixed, nodes.goal, nodes.present, observation.humans, scene_nodes.radius, scene_nodes.shoulder,
             observation.robot, scene.robot.radius, origin,
-            (observations[0].tick - observation.tick) * scene.rules.dt, features[i * count : (i + 1) * count],
+            (observations[0].tick - observation.tick) * scene.rules.dt, rows[i * count : (i + 1) * count],
         )  # fmt: skip
-    interactions = [observation.interactions for observation in observations]
-    ticks = tuple(observation.tick for observation in observations)
-    return nodes.graph(MODERN_FEATURES, features, features[:, _X : _X + 2].copy(), interactions, ticks, label)
+    return rows
 
 
 def _ticks(record: EpisodeRecord, tick: int, instants: int, interval: float) -> list[int]:
@@ -124,8 +130,13 @@ def inputs_of(graph: Graph) -> Array:
     """
     if graph.feature_names != MODERN_FEATURES:
         return graph.features
+    return inputs_of_rows(graph.features, int(np.argmax(graph.node_type == _GOAL)))
+
+
+def inputs_of_rows(rows: Array, goal: int) -> Array:
+    """Return the inputs of a network for the features of a modern graph and the index of its goal."""
     from .kernels import modern_inputs
 
-    inputs = np.empty((len(graph.features), len(INPUTS)))
-    modern_inputs(graph.features, int(np.argmax(graph.node_type == _GOAL)), inputs)
+    inputs = np.empty((len(rows), len(INPUTS)))
+    modern_inputs(rows, goal, inputs)
     return inputs

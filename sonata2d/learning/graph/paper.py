@@ -18,7 +18,7 @@ from ...core.portable_math import Array
 from ...core.scene import Scene
 from ...record.record import EpisodeRecord
 from .features import FEATURES, INSTANTS
-from .graph import INTERVAL, ROUNDING, Graph
+from .graph import INTERVAL, ROUNDING, Graph, Nodes
 from .source import Observation, SceneNodes, recorded_observation, require_task
 
 LABEL_SIGNS = np.array([1.0, -1.0, -1.0])  # labels point right and clockwise, twists left and counter-clockwise
@@ -88,20 +88,33 @@ def paper_graph(
         For k instants, P pedestrians, O objects, M wall nodes and I interactions each: N = 2 + P + O + M nodes and
         1 + 3 (N - 1) + 2 I edges per instant, and 2 (k - 1) N edges between them.
     """
+    nodes = nodes_of_instants(scene_nodes, instants)
+    features, position = paper_rows(scene_nodes, nodes, instants, is_first=is_first)
+    interactions = [current.interactions for current, _ in instants]
+    return nodes.graph(FEATURES, features, position, interactions, tuple(now.tick for now, _ in instants), label)
+
+
+def nodes_of_instants(scene_nodes: SceneNodes, instants: Sequence[tuple[Observation, Observation]]) -> Nodes:
+    """Return the nodes of `paper_graph`."""
+    return scene_nodes.of([observation for pair in instants for observation in pair])
+
+
+def paper_rows(
+    scene_nodes: SceneNodes, nodes: Nodes, instants: Sequence[tuple[Observation, Observation]], *, is_first: bool
+) -> tuple[Array, Array]:
+    """Return features and positions of `paper_graph`; (k N, 42) and (k N, 2) for N nodes and k instants."""
     from .kernels import paper_features  # imported late: `FEATURES` needs no compiler
 
-    nodes = scene_nodes.of([observation for pair in instants for observation in pair])
     count, oldest = len(nodes), len(instants) - 1
-    features, position = np.empty((len(instants) * count, len(FEATURES))), np.empty((len(instants) * count, 2))
+    rows, position = np.empty((len(instants) * count, len(FEATURES))), np.empty((len(instants) * count, 2))
     for i, (current, before) in enumerate(instants):
         selected = slice(i * count, (i + 1) * count)
         paper_features(
             scene_nodes.fixed, nodes.goal, scene_nodes.pieces, nodes.present, current.humans, before.humans,
-            current.robot, before.robot, i, float(is_first and i == oldest), current.tick, features[selected],
+            current.robot, before.robot, i, float(is_first and i == oldest), current.tick, rows[selected],
             position[selected],
         )  # fmt: skip
-    interactions = [current.interactions for current, _ in instants]
-    return nodes.graph(FEATURES, features, position, interactions, tuple(now.tick for now, _ in instants), label)
+    return rows, position
 
 
 def command_fractions(scene: Scene, label: Any, command: Array) -> Array:
