@@ -35,7 +35,7 @@ _COMPILER = ("numba", "llvmlite")  # the interpreter runs the simulation without
 _MODULES = {"pygame-ce": "pygame", "PyYAML": "yaml"}  # where the module is not named as the package
 _EXTRAS = {  # name of the extra, what it adds, its modules
     "films": ("video", "gif and mp4", "imageio_ffmpeg", "PIL"),
-    "plots": ("plots", "the picture of evaluate", "matplotlib"),
+    "plots": ("plots", "plots of notebooks and examples", "matplotlib"),
     "studies": ("serve", "studies in a browser", "starlette", "uvicorn", "websockets"),
     "parquet": ("parquet", "export and import of parquet", "pyarrow"),
 }

@@ -22,7 +22,7 @@ _DEFAULT_SCENARIO = "sonata-2020"
     cls=Command,
     epilog=examples(
         "evaluate demo",
-        "evaluate runs-a runs-b --picture compared.pdf",
+        "evaluate runs-a runs-b --page compared.html",
         "evaluate --controller social-planner --controller ./mine.py:Mine --episodes 50 --page mine.html",
     ),
 )
@@ -68,7 +68,6 @@ _DEFAULT_SCENARIO = "sonata-2020"
 @click.option(
     "--resamples", type=click.IntRange(100, 100_000), default=2000, help="Number of resamples of the bootstrap."
 )
-@click.option("--picture", type=PATH, metavar="FILE", help="Draw means and intervals: .png, .pdf or .svg.")
 @click.option(
     "--page",
     type=PATH,
@@ -82,7 +81,6 @@ def command(
     scenarios: tuple[str, ...],
     workers: WorkerOptions,
     out: Path | None,
-    picture: Path | None,
     page: Path | None,
     **options: Any,
 ) -> None:
@@ -92,11 +90,8 @@ def command(
     episode. docs/metrics.md explains the metrics.
     """
     from sonata2d.metrics.evaluating import COMPARISON, evaluate
-    from sonata2d.metrics.plots import check_picture_path
 
     _check_arguments(paths, controllers, out)
-    if picture is not None:
-        check_picture_path(picture)
     if page is not None:
         from sonata2d.metrics.evaluation_page import check_page_path  # loads pygame and jinja2
 
@@ -112,16 +107,15 @@ def command(
         )
     if paths:
         comparison.save_metrics()
-    for path in (page, picture):
-        if path is not None:
-            comparison.save(path, progress=progress)
+    if page is not None:
+        comparison.save(page, progress=progress)
     if wants_json():
         show_json(comparison.to_json())
         return
     click.echo(comparison.table())
     for line in comparison.notes():
         echo(line)
-    for name, path in {"stored": out and out / COMPARISON, "picture": picture, "page": page}.items():
+    for name, path in {"stored": out and out / COMPARISON, "page": page}.items():
         if path is not None:
             echo(f"{name}  {path}")
 

@@ -1,12 +1,8 @@
-"""Evaluations side by side: their table, notes, numbers, picture and page."""
+"""Evaluations side by side: their table, notes, numbers and page."""
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
-from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
 from typing import Any, overload
@@ -23,7 +19,6 @@ from ..registry import did_you_mean
 from .definition import ARROWS, Metric
 from .evaluation import MARK, Evaluation
 from .measurement import save_metrics
-from .plots import SUFFIXES, chart, figure_of
 from .summary import FEW
 from .templates import render
 
@@ -163,15 +158,15 @@ class Comparison(Sequence[Evaluation]):
     def save(self, path: str | Path, *, progress: bool | ProgressBar | None = None) -> None:
         """Write the comparison into a file, whose suffix selects the format.
 
-        `.html` is a page with outcomes, tables, plots, and film strips of the best and the worst episodes; `.png`,
-        `.pdf` and `.svg` are a plot of means and intervals, which needs matplotlib; `.json` has all numbers.
+        `.html` is a page with outcomes, tables, plots, and film strips of the best and the worst episodes; `.json` has
+        all numbers.
 
         Args:
             path: of the file.
             progress: of a page, as for `evaluate`.
 
         Raises:
-            RenderError: the suffix is unknown, matplotlib is not installed, or the plot cannot be written.
+            RenderError: the suffix is unknown.
             RecordError: an episode file cannot be read, or the page or the numbers cannot be written.
         """
         path, suffix = location(path), location(path).suffix.lower()
@@ -182,10 +177,8 @@ class Comparison(Sequence[Evaluation]):
             write_atomically(path, page.encode())
         elif suffix == ".json":
             write_json(path, self.to_json())
-        elif suffix in SUFFIXES:
-            chart(path, self.evaluations, self.metrics, title=self._title())
         else:
-            raise RenderError(f"{path}: the name must end in .html, {', '.join(SUFFIXES)} or .json")
+            raise RenderError(f"{path}: the name must end in .html or .json")
 
     def show(self) -> None:
         """Show the page of `save`: below a cell of a notebook, else in a browser.
@@ -217,18 +210,8 @@ class Comparison(Sequence[Evaluation]):
                     save_metrics(dataset.path, Evaluation(dataset.path.name, measured, evaluation.resamples))
 
     def _repr_html_(self) -> str:
-        """The table, its notes and the plot, which notebooks show."""
-        picture = io.BytesIO()
-        if find_spec("matplotlib") is not None:
-            with suppress(RenderError):  # no metric is defined, as for imported tracks; the notes say so
-                figure_of(self.evaluations, self.metrics, title=self._title()).savefig(picture, dpi=200)
-        data = base64.b64encode(picture.getvalue()).decode()
-        return render("comparison.html", rows=self.rows(), notes=self.notes(), picture=data)
-
-    def _title(self) -> str:
-        scenarios = ", ".join(sorted({episode.name for each in self.evaluations for episode in each.episodes}))
-        counts = " or ".join(map(str, sorted({len(each.episodes) for each in self.evaluations})))
-        return f"{scenarios}: {counts} episodes each; shares with 95 % Wilson intervals; means with bootstrap intervals"
+        """The table and its notes, which notebooks show."""
+        return render("comparison.html", rows=self.rows(), notes=self.notes())
 
     def _page(self, advance: Advance = lambda step: None) -> str:
         from .evaluation_page import page_of  # loads pygame

@@ -6,6 +6,7 @@ This module computes the numbers; the template evaluation_page.html holds texts 
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -25,7 +26,6 @@ from .catalogue import FAMILIES, METRICS
 from .definition import ARROWS, DEFINITIONS_VERSION, Metric
 from .evaluation import EVENTS, MARK, Evaluation, Measured
 from .exemplars import BEST, COMPLIANCE, WORST, best_of, why_best, why_worst, worst_of
-from .plots import COLOURS, short_names
 from .summary import FEW, LEVEL, Share
 from .templates import render
 from .trajectory import Trajectory
@@ -39,6 +39,8 @@ _OUTCOMES = {  # text and colour
     "regenerate": ("new scene requested", "#f0e442"),
     "error": ("error in the controller", "#8b929c"),
 }
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # of evaluations: Okabe & Ito
+_MAX_NAME = 26  # characters of the name of an evaluation
 _MOMENTS = 6  # pictures of a film strip
 _COLLISIONS = ("collisions", "object_collisions", "wall_collisions", "person_on_robot")  # beside the headline metrics
 
@@ -108,7 +110,7 @@ def page_of(
         compliance=COMPLIANCE,
         arrows=ARROWS,
         mark=MARK,
-        colours=COLOURS[:-1],  # the last one is black, for which the page uses its text colour
+        colours=_COLOURS,
     )
 
 
@@ -143,6 +145,38 @@ def _families(metrics: Sequence[Metric]) -> dict[str, list[Metric]]:
     families = {name: [metric for metric in metrics if metric in family] for name, family in FAMILIES.items()}
     families["Variants of other programs"] = [metric for metric in metrics if metric.variant_of]
     return {name: members for name, members in families.items() if members}
+
+
+def short_names(labels: Sequence[str]) -> list[str]:
+    """Shorten labels of evaluations, as long as they remain different.
+
+    Folders with which all labels begin or end are left out, of a class only its name is used, and long names are
+    shortened in the middle.
+
+    >>> short_names(["runs/orca/office", "runs/mine/office"])
+    ['orca', 'mine']
+    >>> short_names(["./controllers/polite.py:Polite", "orca"])
+    ['Polite', 'orca']
+    """
+    parts = [re.split(r"[/\\]", label) for label in labels]
+    for side in (0, -1):
+        while len(parts) > 1 and all(len(part) > 1 for part in parts) and len({part[side] for part in parts}) == 1:
+            parts = [part[1:] if side == 0 else part[:-1] for part in parts]
+    names = ["/".join(part) for part in parts]
+    for shorten in (_class_name, _middle_left_out):
+        shorter = [shorten(name) for name in names]
+        names = [short if shorter.count(short) == 1 else name for short, name in zip(shorter, names, strict=True)]
+    return names
+
+
+def _class_name(name: str) -> str:
+    """`Polite` for `./polite.py:Polite` and `package.polite:Polite`, and of both parts of `driver+labeller`."""
+    return "+".join(re.sub(r"^.*:(?=[^\W\d]\w*$)", "", part) for part in name.split("+"))
+
+
+def _middle_left_out(name: str) -> str:
+    half = (_MAX_NAME - 1) // 2
+    return name if len(name) <= _MAX_NAME else f"{name[:half]}…{name[-half:]}"
 
 
 # --- Table of metrics ---

@@ -78,13 +78,6 @@ def test_metrics_are_selected_by_name(sonata2d: Run) -> None:
     assert all(name in output for name in METRICS)
 
 
-def test_picture_is_drawn(sonata2d: Run, here: Path) -> None:
-    pytest.importorskip("matplotlib")
-    line = "evaluate --controller straight-to-goal --controller social-force --scenario quick.yaml --episodes 2"
-    assert "picture  a.pdf" in sonata2d(f"{line} --workers 1 --picture a.pdf").output
-    assert (here / "a.pdf").read_bytes().startswith(b"%PDF")
-
-
 def test_page_shows_temporary_episodes(sonata2d: Run, here: Path) -> None:
     before = {path.name for path in here.iterdir()}
     line = "evaluate --controller straight-to-goal --controller social-force --scenario quick.yaml --episodes 2"
@@ -116,7 +109,6 @@ def test_page_of_recorded_episodes_shows_the_selected_metrics(sonata2d: Run, her
         ("evaluate quick.yaml", 1, "quick.yaml is not valid JSON"),
         ("evaluate --controller social-farce", 1, "did you mean 'social-force'?"),
         ("evaluate nowhere --metric jerk", 1, "no metric is named 'jerk'"),
-        ("evaluate nowhere --picture a.bmp", 1, "must end in .png, .pdf, .svg"),
         ("evaluate nowhere --page a.pdf", 1, "the name of an evaluation page must end in .html"),
     ],
 )

@@ -56,7 +56,7 @@ COMMANDS = (
     Command(
         "evaluate",
         "evaluate --controller straight-to-goal --controller orca --scenario {m}/scenario.yaml --episodes 3 --workers 2"
-        " -o {o}/runs --page {o}/page.html --picture {o}/means.png",
+        " -o {o}/runs --page {o}/page.html",
     ),
     Command("render .png", "render {m}/demo/000000.json -o {o}/a.png"),
     Command("render .svg", "render {m}/demo/000000.json -o {o}/a.svg"),

@@ -23,10 +23,10 @@ from sonata2d.metrics.evaluation_page import (
     outcome_shares,
     page_metrics,
     page_of,
+    short_names,
 )
 from sonata2d.metrics.exemplars import COMPLIANCE, best_of, why_best, why_worst, worst_of
 from sonata2d.metrics.measurement import episode_files, measure_files
-from sonata2d.metrics.plots import short_names
 
 from .samples import evaluation, measured
 
