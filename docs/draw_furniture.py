@@ -6,6 +6,7 @@ python docs/draw_furniture.py [FOLDER]
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pygame
@@ -23,22 +24,26 @@ from sonata2d.view.stills import Still, save_surface, snapshot_of
 
 ROOT = Path(__file__).parent.parent
 
-SCALE, SPACE = 105.0, 1.5  # px/m; m between the centres of two pieces
+SCALE, SPACE = 105.0, 0.5  # px/m; m between the outlines of two pieces
 LOW, HIGH = -1.0, 0.82  # m, lower and upper edge of the picture
-AXIS = 0.45  # m beyond the outline
+AXIS = 0.3  # m beyond the outline, to the left
+MINIMUM_WIDTH = 1.0  # m, of the space of a piece
 STAND = 0.45  # m, from the outline of a piece to a person who attends to it
 
 
 def main(folder: Path) -> None:
     """Draw the picture."""
     folder.mkdir(parents=True, exist_ok=True)
-    furniture = [
-        Furniture(k, kind.name, Pose(SPACE * k, 0.0), shape_of_size(kind.size))
-        for k, kind in enumerate(BUILT_IN)
-        if kind.size is not None
-    ]
+    furniture: list[Furniture] = []
+    right = SPACE / 2  # m, of the last piece and the space beside it
+    for kind in BUILT_IN:
+        if kind.size is not None:
+            piece = Furniture(len(furniture), kind.name, Pose(0.0, 0.0), shape_of_size(kind.size))
+            width = max(2 * half_size(piece)[0], MINIMUM_WIDTH)
+            furniture.append(replace(piece, pose=Pose(right + width / 2, 0.0)))
+            right += width + SPACE
+    left, right = 0.0, right - SPACE / 2
     attended = {kind.name: kind.relation for kind in BUILT_IN if kind.relation is not None}
-    left, right = -SPACE / 2, SPACE * (len(furniture) - 0.5)
     people = [
         Human(10 + item.id, Pose(item.pose.x, -half_size(item)[1] - STAND, 1.5708), 0.16)
         for item in furniture
@@ -70,7 +75,7 @@ def main(folder: Path) -> None:
 def draw_axis(brush: Brush, item: Furniture, direction: tuple[float, float], name: str) -> None:
     """Draw an arrow from the centre of a piece to beyond its outline."""
     half = half_size(item)["xy".index(name)]
-    length = min(half + AXIS, SPACE / 2 - 0.18)
+    length = half + (AXIS if name == "y" else SPACE / 2 - 0.1)
     colour: Colour = BLUE if name == "x" else FAINT
     arrow = brush.at(item.pose.position, direction)
     arrow.stroke(colour, [(0.0, 0.0), (length - 0.05, 0.0)], 0.02)

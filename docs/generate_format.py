@@ -150,8 +150,7 @@ between inner `walls`; the `doors`, through which people enter and leave, are in
 
 A person who attends to a piece of furniture stands at its right side (-y at theta 0) and faces it. This is also the
 front in pictures of pieces that are longer (x) than wide (y), such as a laptop, a shelf or a TV; give pieces with a
-front such a size. A chair, on which people sit and which nobody attends to, faces +x. A table and a plant have no
-front.
+front such a size. A seat that is not longer than wide, such as a chair, faces +x. A table and a plant have no front.
 
 ![Each type of furniture at theta 0 with its axes and where a person attends to it](images/furniture.png)
 

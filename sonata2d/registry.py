@@ -238,20 +238,8 @@ ROOM_KINDS = Registry(
     ConfigError,
 )
 
-_QUESTIONS = "sonata2d.study.questions"
-QUESTION_KINDS = Registry(
-    "question kind",
-    "sonata2d.question_kinds",
-    {
-        "yes_no": f"{_QUESTIONS}:YesNo",
-        "classes": f"{_QUESTIONS}:Classes",
-        "slider": f"{_QUESTIONS}:Slider",
-        "text": f"{_QUESTIONS}:FreeText",
-        "number": f"{_QUESTIONS}:Number",
-        "likert": f"{_QUESTIONS}:Likert",
-    },
-    ConfigError,
-)
+QUESTION_KINDS = Registry("question kind", "sonata2d.question_kinds", {}, ConfigError)
+"""`sonata2d.study.questions` adds the built-in ones."""
 
 OBSERVATION_PARTS = Registry("observation part", "sonata2d.observation_parts", {}, ConfigError)
 """`sonata2d.gym.parts` adds the built-in ones."""
@@ -276,17 +264,12 @@ def furniture_type(name: str) -> FurnitureType:
     """
     if name not in FURNITURE_TYPES:
         return FurnitureType(name)
-    kind: FurnitureType = FURNITURE_TYPES.load(name, _furniture_problem)
+    kind: FurnitureType = FURNITURE_TYPES.load(
+        name, lambda item: None if isinstance(item, FurnitureType) else "is not a sonata2d.FurnitureType(...)"
+    )
     if kind.name != name:
         raise ConfigError(f"furniture type {name!r} is named {kind.name!r}; give the entry point the same name")
     return kind
-
-
-def _furniture_problem(item: object) -> str | None:
-    """Why an object cannot be used as a type of furniture, or None."""
-    if isinstance(item, FurnitureType):
-        return None
-    return "is not a FurnitureType; it must be a sonata2d.FurnitureType(...)"
 
 
 def furniture_types() -> dict[str, FurnitureType]:

@@ -173,7 +173,7 @@ def read_journal(path: Path) -> OpenRun | None:
     try:
         header, *rows = list(_parsed(path, lines)) or [{}]
         ticks = [
-            TickInput(_twist(row["command"]), row.get("label"), _events(row["events"]))
+            TickInput(Twist(*row["command"]), row.get("label"), _events(row["events"]))
             for row in rows
             if "command" in row
         ]
@@ -206,8 +206,3 @@ def _rows(events: Iterable[DeviceEvent]) -> list[list[Any]]:
 
 def _events(rows: list[list[Any]]) -> tuple[DeviceEvent, ...]:
     return tuple(DeviceEvent(device, control, value) for device, control, value in rows)
-
-
-def _twist(row: list[float]) -> Twist:
-    vx, vy, omega = row
-    return Twist(vx, vy, omega)

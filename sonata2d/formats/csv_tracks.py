@@ -96,7 +96,7 @@ def _read(path: Path) -> tuple[list[str], Array]:
     except UnicodeDecodeError as error:
         raise ValueError(f"it is not text: {error}") from error
     lines = [line.strip() for line in text.splitlines()]
-    rows = [_cells(line) for line in lines if line and not line.startswith("#")]
+    rows = [line.split("," if "," in line else None) for line in lines if line and not line.startswith("#")]
     if not rows:
         raise ValueError("it is empty")
     has_header = any(re.search("[A-Za-z]", cell) and _number(cell) is None for cell in rows[0])  # `nan` is a number
@@ -107,10 +107,6 @@ def _read(path: Path) -> tuple[list[str], Array]:
             raise ValueError(f"row {number + 1} has {len(row)} cells, not the {len(names)} of {', '.join(names)}")
     cells = [[_number(cell) for cell in row] for row in body]
     return names, np.array(cells, dtype=float).reshape(-1, len(names))
-
-
-def _cells(line: str) -> list[str]:
-    return line.split(",") if "," in line else line.split()
 
 
 def _number(cell: str) -> float | None:

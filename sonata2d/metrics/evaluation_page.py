@@ -84,7 +84,8 @@ def page_of(
         strips.append(_film_strips(evaluation.episodes, evaluation_files))
         advance(1)
     kinds = outcome_kinds(evaluations)
-    constants = {metric: constant_of(evaluations, metric) for metric in shown}
+    defined = [metric for metric in shown if any(evaluation.values(metric.name) for evaluation in evaluations)]
+    constants = {metric: constant_of(evaluations, metric) for metric in defined}
     versions = {"metric definitions": DEFINITIONS_VERSION, "physics": PHYSICS_VERSION, **software_versions()}
     return render(
         "evaluation_page.html",
@@ -101,7 +102,7 @@ def page_of(
         families=_families(shown),
         marks=partial(marks, evaluations),
         events=EVENTS,
-        plotted=[metric for metric, value in constants.items() if value is None and _is_defined(evaluations, metric)],
+        plotted=[metric for metric, value in constants.items() if value is None],
         constants={metric: value for metric, value in constants.items() if value is not None},
         axis_of=partial(axis_of, evaluations),
         strips=strips,
@@ -220,10 +221,6 @@ def constant_of(evaluations: Sequence[Evaluation], metric: Metric) -> float | No
     if metric.unit in EVENTS:
         values = {float(value > 0.0) for value in values}
     return values.pop() if len(values) == 1 else None
-
-
-def _is_defined(evaluations: Sequence[Evaluation], metric: Metric) -> bool:
-    return any(evaluation.values(metric.name) for evaluation in evaluations)
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,10 +63,12 @@ class Layout:
         gap, target = self.config.clearance, None if cluster.fixed is None else fixed[cluster.fixed].pose
         members = cluster.members
         others, local = self._rows[: self._count], [member.pose for member in members]
-        bodies = [(k, shape_of(member)) for k, member in enumerate(members) if _has_body(member)]
+        # a laptop on a table has no outline of its own
+        bodies = [(k, shape_of(member)) for k, member in enumerate(members) if getattr(member, "on", None) is None]
         rows = np.array([outline_row(shape, local[k], self._wall_gap(members[k])) for k, shape in bodies])
         for _ in range(self.config.max_attempts):
-            x, y, theta = (target.x, target.y, target.theta) if target else self._draw_pose(cluster, rng)
+            x, y = target.position if target else cluster.position or self.plan.sample_point(rng)
+            theta = target.theta if target else cluster.yaw.draw(rng)
             if cluster.distance is not None:  # in front (-y) of fixed furniture, facing it
                 local = [Pose(0.0, -cluster.distance.draw(rng), PI / 2)]
                 rows[0, X], rows[0, Y], rows[0, THETA] = local[0].x, local[0].y, local[0].theta
@@ -94,10 +96,6 @@ class Layout:
         others = self._rows[self._reserved if ignores_robot else 0 : self._count]
         return self.plan.has_space([outline_row(shape, pose, wall_gap)], others, gap)
 
-    def _draw_pose(self, cluster: EntityCluster, rng: RandomStream) -> tuple[float, float, float]:
-        x, y = cluster.position or self.plan.sample_point(rng)
-        return x, y, cluster.yaw.draw(rng)
-
     def _is_o_space_free(self, cluster: EntityCluster, poses: list[Pose], origin: Pose) -> bool:
         """Return whether all members see the centre of their o-space, and nothing stands in it."""
         if not cluster.o_space:
@@ -111,11 +109,6 @@ class Layout:
         if isinstance(member, Human):
             return max(self.config.person.wall_distance - member.shape.circumradius, self.config.clearance)
         return self.config.clearance
-
-
-def _has_body(member: Entity) -> bool:
-    """Return whether an entity stands on the floor; a laptop on a table does not."""
-    return isinstance(member, Human) or member.on is None
 
 
 def _interaction_space(cluster: EntityCluster, poses: list[Pose], origin: Pose) -> list[PlacedShape]:

@@ -361,6 +361,12 @@ class ScaleConfig(Entry):
         return self.table.content(language)
 
 
+_BUILT_IN: dict[str, type[Question]] = {
+    "yes_no": YesNo, "classes": Classes, "slider": Slider, "text": FreeText, "number": Number, "likert": Likert,
+}  # fmt: skip
+QUESTION_KINDS.built_in |= {name: f"{__name__}:{kind.__name__}" for name, kind in _BUILT_IN.items()}
+
+
 def question_kind(name: str) -> type[Question]:
     """A kind of question.
 

@@ -238,7 +238,8 @@ def _faces_of(text: str) -> list[_Face]:
     is_japanese = any("\u3040" <= c <= "\u30ff" for c in text)  # kana: Chinese characters in their Japanese forms
     faces: list[_Face] = []
     for character in text:
-        is_mark = unicodedata.category(character)[0] == "M" or character == " " or _is_modifier(character)
+        is_skin = "\U0001f3fb" <= character <= "\U0001f3ff"  # the colour of the emoji before it
+        is_mark = unicodedata.category(character)[0] == "M" or character == " " or is_skin
         if faces and (character in _JOINERS or (is_mark and _has(faces[-1], character))):
             faces.append(faces[-1])
         else:
@@ -246,11 +247,6 @@ def _faces_of(text: str) -> list[_Face]:
             is_han = face.script in ("Hani", "Hang")
             faces.append(_JAPANESE if is_japanese and is_han and _has(_JAPANESE, character) else face)
     return faces
-
-
-def _is_modifier(character: str) -> bool:
-    """Whether a character is the colour of the skin of the emoji before it."""
-    return "\U0001f3fb" <= character <= "\U0001f3ff"
 
 
 @lru_cache(maxsize=8192)

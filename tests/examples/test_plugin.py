@@ -53,13 +53,13 @@ def test_the_plug_ins_work_as_the_readme_says(installed: dict[str, str], tmp_pat
     assert len(episode["room"]["polygon"]) == 6
     assert {human["model"] for human in episode["humans"]} == {"circular"}
     assert episode["controller"]["path"] == "cautious"
-    sofas = [thing for thing in episode["objects"] if thing["type"] == "sofa"]
-    assert sofas
-    assert all(thing["seat"] and thing["shape"]["length"] == 1.8 for thing in sofas)
+    settees = [thing for thing in episode["objects"] if thing["type"] == "settee"]
+    assert settees
+    assert all(thing["seat"] and thing["shape"]["length"] == 1.8 for thing in settees)
     seats = {human["seat"] for human in episode["humans"] if human["seat"] is not None}
     assert seats
-    assert seats <= {thing["id"] for thing in sofas}
-    assert episode["settings"]["sofas"] == [1, 2]
+    assert seats <= {thing["id"] for thing in settees}
+    assert episode["settings"]["settees"] == [1, 2]
     assert (tmp_path / "hexagon.png").is_file()
     rows = (tmp_path / "paths" / "000000.robot.csv").read_text().splitlines()
     assert rows[0] == "time,x,y,theta"
@@ -195,7 +195,7 @@ def test_doctor_lists_each_plug_in_with_its_package_and_whether_it_loads(
         "format robot-csv",
         "metric mean_speed",
         "observation part crowding",
-        "furniture type sofa",
+        "furniture type settee",
     ):
         assert rows[name]["ok"] is True
         assert rows[name]["found"].startswith("plug-in of sonata2d-example-plugin 0.1.0: ")
@@ -248,8 +248,9 @@ def test_a_metric_that_raises_is_named_with_the_file_and_a_broken_one_once(
 
 DATE = """
 from sonata2d.study.questions import question_kind
-settings = {"kind": "date", "name": "first", "question": "Since", "earliest": "2000-01-01", "latest": "2026-12-31"}
-question = question_kind("date").model_validate(settings)
+settings = {"kind": "calendar_date", "name": "first", "question": "Since"}
+settings |= {"earliest": "2000-01-01", "latest": "2026-12-31"}
+question = question_kind("calendar_date").model_validate(settings)
 print(question.check("2026-05-17"), question.content("en")["latest"])
 for answer in ("1999-12-31", "2027-01-01", "yesterday", 7):
     try:
@@ -268,8 +269,9 @@ def test_a_question_kind_of_a_plug_in_checks_answers(installed: dict[str, str], 
         "first is 'yesterday'; a date such as 2026-05-17 is expected",
         "first is 7; a date such as 2026-05-17 is expected",
     ]
-    ratings = "ratings: [{name: seen, folder: ., question: {name: seen, kind: date, question: Since when}}]\n"
+    ratings = "ratings: [{name: seen, folder: ., question: {name: seen, kind: calendar_date, question: Since when}}]\n"
     (tmp_path / "study.yaml").write_text(f"title: Dates\n{ratings}")
     done = sonata2d(["study", "check", "study.yaml"], installed, tmp_path)
     assert done.returncode == 1
-    assert "ratings.0.question.kind: runs are rated with yes_no, classes, slider or text (got 'date')" in done.stderr
+    message = "runs are rated with yes_no, classes, slider or text (got 'calendar_date')"
+    assert f"ratings.0.question.kind: {message}" in done.stderr

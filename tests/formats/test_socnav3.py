@@ -203,18 +203,18 @@ def test_default_context_is_announced_once(folder: Path, tmp_path: Path) -> None
 def test_objects_of_unlisted_types_are_written_as_a_given_type(episode: Path, tmp_path: Path) -> None:  # noqa: F811
     record = read_episode(episode)
     table, *others = record.document["objects"]
-    document = record.document | {"objects": [table | {"type": "sofa"}, *others]}
-    sofa = record_from_document(document, tmp_path / "sofa.json")
-    with pytest.raises(RecordError, match="--as sofa=plant"):
-        exported(sofa)
-    for types in ({"sofa": "shelf"}, {"*": "shelf"}, {"sofa": "shelf", "*": "plant"}):
-        file = json.loads(socnav3.export(sofa, Options(types=types)))
+    document = record.document | {"objects": [table | {"type": "settee"}, *others]}
+    settee = record_from_document(document, tmp_path / "settee.json")
+    with pytest.raises(RecordError, match="--as settee=plant"):
+        exported(settee)
+    for types in ({"settee": "shelf"}, {"*": "shelf"}, {"settee": "shelf", "*": "plant"}):
+        file = json.loads(socnav3.export(settee, Options(types=types)))
         written = [thing for thing in file["sequence"][0]["objects"] if thing["id"] == table["id"]]
         assert [thing["type"] for thing in written] == ["shelf"]
         assert [thing["type"] for thing in file["sonata2d"]["other_objects"]] == ["laptop"]
         assert imported(file, tmp_path)["objects"] == document["objects"], "the episode keeps its own types"
     with pytest.raises(RecordError, match="no objects of type 'bed'"):
-        socnav3.export(sofa, Options(types={"sofa": "bed"}))
+        socnav3.export(settee, Options(types={"settee": "bed"}))
 
 
 @pytest.mark.parametrize(
@@ -263,8 +263,8 @@ def test_grid_agrees_with_the_room(records: list[EpisodeRecord]) -> None:
 def test_episodes_that_readers_would_misinterpret_are_refused(episode: Path) -> None:  # noqa: F811
     record = read_episode(episode)
     table, *others = record.document["objects"]
-    with pytest.raises(RecordError, match="object 10 is of type 'sofa'"):
-        exported(replace(record, document=record.document | {"objects": [table | {"type": "sofa"}, *others]}))
+    with pytest.raises(RecordError, match="object 10 is of type 'settee'"):
+        exported(replace(record, document=record.document | {"objects": [table | {"type": "settee"}, *others]}))
     rules, states = record.document["rules"] | {"dt": 0.05}, replace(record.states, time=record.states.time / 2)
     with pytest.raises(RecordError, match=r"readers of socnav3 drop frames less than 0.1 s apart"):
         exported(replace(record, document=record.document | {"rules": rules}, states=states))

@@ -110,13 +110,12 @@ def test_tables(compared: s2.Comparison) -> None:
     assert other["time_to_goal"].null_count() == frame["time_to_goal"].isna().sum() > 0
 
 
-def test_a_notebook_shows_a_table_and_a_plot(compared: s2.Comparison) -> None:
+def test_a_notebook_shows_a_table(compared: s2.Comparison) -> None:
     text = compared._repr_html_()
     assert text.count("<tr>") == 1 + len(compared.metrics)
-    assert "data:image/png;base64," in text
 
 
-@pytest.mark.parametrize("name", ["a.html", "a.png", "a.svg", "a.json"])
+@pytest.mark.parametrize("name", ["a.html", "a.json"])
 def test_a_comparison_is_saved(compared: s2.Comparison, name: str, tmp_path: Path) -> None:
     compared.save(tmp_path / name)
     assert (tmp_path / name).stat().st_size > 2000
@@ -125,7 +124,7 @@ def test_a_comparison_is_saved(compared: s2.Comparison, name: str, tmp_path: Pat
 
 
 def test_another_suffix_is_refused(compared: s2.Comparison, tmp_path: Path) -> None:
-    with pytest.raises(RenderError, match=r"must end in .html, .png, .pdf, .svg or .json"):
+    with pytest.raises(RenderError, match=r"must end in .html or .json"):
         compared.save(tmp_path / "a.gif")
     with pytest.raises(KeyError, match="did you mean 'fast'"):
         compared["fats"]

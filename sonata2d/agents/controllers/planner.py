@@ -22,6 +22,7 @@ from .base import Controller
 
 CELL = 0.1  # m
 _BLOCKED = 40.0  # price per metre where the robot does not fit; 1 is open ground
+_TURNS = (-1.0, -0.5, -0.15, 0.0, 0.15, 0.5, 1.0)  # turn rates to try, fractions of the limit
 _MAXIMUM_SWEEPS = 2000
 _UNREACHED = 1e6  # initial cost of each cell
 _PRICE, _VALUE, _CLEARANCE = range(3)  # layers of a cost field
@@ -220,11 +221,6 @@ def _candidate_velocities(robot: Robot) -> list[Point]:
     return [(vx, vy) for vx in ahead for vy in sideways]
 
 
-def _candidate_turns(robot: Robot) -> list[float]:
-    """The turn rates to try, rad/s."""
-    return [robot.limits.turn * fraction for fraction in (-1.0, -0.5, -0.15, 0.0, 0.15, 0.5, 1.0)]
-
-
 @dataclass(frozen=True, slots=True)
 class Weights:
     """Cost of each concern, where a metre of open ground still to go costs 1. The names are recorded as settings.
@@ -300,7 +296,7 @@ class SocialPlanner(Controller):
             robot.radius, is_holonomic, limits.ahead, limits.acceleration, limits.turn_acceleration,
         )  # fmt: skip
         self._numbers = np.array(numbers, dtype=float)
-        velocities, turns = _candidate_velocities(robot), _candidate_turns(robot)
+        velocities, turns = _candidate_velocities(robot), [robot.limits.turn * fraction for fraction in _TURNS]
         self._twists = [Twist(vx, vy, turn) for vx, vy in velocities for turn in turns]
         pairs = [(v, t) for v in range(len(velocities)) for t in range(len(turns))]
         # The last row of each array is for the last command.

@@ -97,11 +97,6 @@ def is_remote(path: object) -> bool:
     return not isinstance(path, Path) and hasattr(path, "protocol") and hasattr(path, "storage_options")
 
 
-def _is_object_store(path: Path) -> bool:
-    """Whether a path is in a store whose objects appear whole or not at all."""
-    return is_remote(path) and cast(Any, path).protocol in _OBJECT_STORES
-
-
 def make_folder(folder: Path) -> None:
     """Make a folder of this machine and its parent folders; a store has no folders.
 
@@ -209,7 +204,7 @@ def put_file(path: Path, source: Path) -> None:
 def _put(path: Path, write: Any) -> None:
     remote: Any = path
     with _os_errors():
-        if _is_object_store(path):
+        if remote.protocol in _OBJECT_STORES:  # whose objects appear whole or not at all
             write(remote.fs, remote.path)
             return
         temporary = path.with_name(f".sonata2d-{os.urandom(16).hex()}")

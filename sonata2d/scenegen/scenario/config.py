@@ -7,7 +7,7 @@ from collections.abc import Collection
 from inspect import Parameter, Signature, signature
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, ConfigDict, Field, PositiveInt, field_validator, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, PositiveInt, model_validator
 
 from ...core.bounds import Fraction, Positive
 from ...core.entities import Robot
@@ -42,7 +42,6 @@ from .sections import (
 _UNGUARDED_SPEED, _UNGUARDED_STEP = 12.0, 0.12
 _TWENTY_DEGREES = 0.3490658503988659  # rad
 Distance = Annotated[Range, within("a distance must be above 0", 0.0, above=True)]
-_SIZES: dict[str, Size] = {kind.name: kind.size for kind in BUILT_IN if kind.size is not None}
 
 
 class ScenarioConfig(Settings):
@@ -120,7 +119,7 @@ class ScenarioConfig(Settings):
     places: Entities[PlaceConfig] = ()
     seated: IntRange = IntRange(0, 0)
     people: Annotated[Entities[PersonSpec], AfterValidator(check_people)] = ()
-    sizes: dict[str, Size] = Field(default_factory=lambda: dict(_SIZES))
+    sizes: dict[str, Size] = Field(default={})
     furniture_yaw: Range = Range(0, 0)
     talking_distance: Distance = Range(1.5, 3.0)
     talking_angle: Range = Range(-_TWENTY_DEGREES, _TWENTY_DEGREES)
@@ -171,11 +170,6 @@ class ScenarioConfig(Settings):
             message = f"there are {places} places for at most {groups} talking groups"
             raise setting_error(f"{message}; raise talking_groups, or remove places", "groups", "places")
         return self
-
-    @field_validator("sizes", mode="after")
-    @classmethod
-    def _add_default_sizes(cls, sizes: dict[str, Size]) -> dict[str, Size]:
-        return _SIZES | sizes
 
     @model_validator(mode="after")
     def _check_furniture_types(self) -> Self:

@@ -33,7 +33,11 @@ const field = (tag, attributes, read = text => text) => ({
   draw({spec, id, answer, changed}) {
     const element = make(tag, {id, ...attributes(spec)});
     if (answer !== null) element.value = answer;
-    element.addEventListener("input", () => { const text = element.value.trim(); changed(text === "" ? null : read(text)); });
+    // an incomplete date or number has the value "": it is sent as a text that is refused, not taken for no answer
+    element.addEventListener("input", () => {
+      const text = element.validity.badInput ? "?" : element.value.trim();
+      changed(text === "" ? null : text === "?" ? text : read(text));
+    });
     return [element];
   },
 });

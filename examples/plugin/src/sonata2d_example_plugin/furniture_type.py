@@ -1,4 +1,4 @@
-"""A type of furniture: a sofa, on which one person can sit."""
+"""A type of furniture: a settee, on which one person can sit."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from sonata2d.core.furniture_types import Pen
 CLOTH, SEAM = (166, 142, 158), (112, 92, 106)  # red, green, blue
 
 
-def draw_sofa(pen: Pen, depth: float, breadth: float, is_round: bool) -> None:
+def draw_settee(pen: Pen, depth: float, breadth: float, is_round: bool) -> None:
     """Draw cushions between a back and two arms; `depth` and `breadth` are halves, m, and the front is ahead."""
     pen.box(SEAM, (-depth, -breadth), (depth, breadth))
     for left, right in ((-0.82 * breadth, -0.02 * breadth), (0.02 * breadth, 0.82 * breadth)):
         pen.box(CLOTH, (-0.5 * depth, left), (0.92 * depth, right))
 
 
-SOFA = FurnitureType(
-    "sofa",
+SETTEE = FurnitureType(
+    "settee",
     (1.8, 0.85),
-    count="sofas",  # scenarios have `sofas: [1, 2]`
+    count="settees",  # scenarios have `settees: [1, 2]`
     relation=None,  # nobody stands before it to look at it
     is_seat=True,
-    words={"en": "Sofas", "de": "Sofas", "es": "Sofás"},
-    names={"socnav3": "chair", "gym": "chair"},  # which have no sofas
-    draw=draw_sofa,
+    words={"en": "Settees", "de": "Sitzbänke", "es": "Canapés"},
+    names={"socnav3": "chair", "gym": "chair"},  # which have no settees
+    draw=draw_settee,
 )
