@@ -154,7 +154,7 @@ def test_a_type_whose_key_is_taken_is_not_drawn_and_one_of_another_name_does_not
         with pytest.warns(PluginWarning, match="'bench' is named 'settee'; give the entry point the same name"):
             assert "bench" not in furniture_types()
         FURNITURE_TYPES.register("bench", "not a type")
-        with pytest.raises(ConfigError, match="'bench' is not a sonata2d.FurnitureType"):
+        with pytest.raises(ConfigError, match=r"'bench' is not a sonata2d\.FurnitureType"):
             furniture_type("bench")
     finally:
         FURNITURE_TYPES.registered.clear()
