@@ -29,6 +29,7 @@ from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.errors import NumbaError
 from numba.core.registry import CPUDispatcher
+from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 
 from ...errors import KernelError
@@ -151,7 +152,9 @@ class _KernelFiles:
         name = self._name(signature)
         content = _read(name) if name else None
         if content is not None:
-            target_context.refresh()
+            # Loaded machine code needs the allocator of arrays only. `target_context.refresh()` initialises it, but also
+            # loads all that a compilation needs, which takes nearly half a second in each process.
+            rtsys.initialize(target_context)
             with suppress(Exception):  # a class of an argument cannot be imported any more, ...
                 result = CompileResult._rebuild(target_context, *pickle.loads(content))
                 if result.signature.args == signature:
