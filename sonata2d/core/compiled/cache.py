@@ -152,7 +152,7 @@ class _KernelFiles:
         name = self._name(signature)
         content = _read(name) if name else None
         if content is not None:
-            # Loaded machine code needs the allocator of arrays only. `target_context.refresh()` initialises it, but also
+            # Loaded machine code needs the allocator of arrays only. `target_context.refresh()` initialises it too, but
             # loads all that a compilation needs, which takes nearly half a second in each process.
             rtsys.initialize(target_context)
             with suppress(Exception):  # a class of an argument cannot be imported any more, ...
