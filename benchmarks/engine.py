@@ -65,22 +65,24 @@ def engine_steps(work: Callable[[], Any], *, through_pymunk: bool = False) -> li
         def __init__(self, value: Any) -> None:
             self.value = self.argument = value
 
-    def step_space(function: int, address: int, h: float) -> None:
+    def call(function: int, numbers: tuple[Any, ...]) -> None:
+        if function != step_address:
+            chipmunk._interpreted_call(function, numbers)
+            return
         space, c_space = spaces[-1]
-        h, step_once = float(h), space.step if through_pymunk else lib.cpSpaceStep
+        h, step_once = float(numbers[1]), space.step if through_pymunk else lib.cpSpaceStep
         arguments = (h,) if through_pymunk else (c_space, h)
         start = time.perf_counter()
         step_once(*arguments)
         seconds.append(time.perf_counter() - start)
 
     interpreted = {name: getattr(getattr(step, name), "py_func", getattr(step, name)) for name in _KERNELS}
-    calls = ("each_body", "visit", "set_ends")
+    step_address = next(iter(chipmunk._KINDS))  # of the first function of the handle
     with (
         patch.object(world, "EngineMemory", Memory),
         patch.multiple(world, Packed=Unpacked, **interpreted),
         patch.multiple(step, unpack=lambda value, kind: value),
-        patch.multiple(chipmunk, **{f"_call_{name}": getattr(chipmunk, f"_interpreted_{name}") for name in calls}),
-        patch.object(chipmunk, "_call_step", step_space),
+        patch.object(chipmunk, "_call", call),
     ):
         work()
     return seconds
