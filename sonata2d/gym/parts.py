@@ -83,7 +83,7 @@ def direction(cos: str = "cos", sin: str = "sin") -> tuple[Column, Column]:
 class Rows(NamedTuple):
     """The entities that have rows in an observation.
 
-    Attributes:
+    Args:
         humans, objects, walls: (H,), (M,), (W,), index in the scene of the entity in each row; -1: none.
         interactions: (I, 3), row of the pedestrian, relation (into `RELATIONS`), row of the other entity: pedestrians
             from 0, objects from H; 0 in rows without an interaction.
