@@ -8,8 +8,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from marked_part import write_part
+
 DOCS = Path(__file__).parent
-BEGIN, END = "<!-- begin: written by docs/generate_architecture.py -->", "<!-- end -->"
 WIDTH = 60
 
 
@@ -38,21 +39,12 @@ def late_table(imports: list[dict[str, Any]]) -> str:
     return "\n".join(rows)
 
 
-def main(arguments: list[str]) -> int:
+def main() -> int:
     structure = tomllib.loads((DOCS / "architecture.toml").read_text(encoding="utf-8"))
     rooms = structure["package"]
-    path = DOCS / "architecture.md"
-    text = path.read_text(encoding="utf-8")
-    before, _, rest = text.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    wanted = f"{before}{BEGIN}\n\n{drawing(rooms)}\n\n{table(rooms)}\n\n{late_table(structure['late'])}\n\n{END}{after}"
-    if "--check" not in arguments:
-        path.write_text(wanted, encoding="utf-8")
-        return 0
-    if text != wanted:
-        print(f"{path} is not up to date; run python docs/generate_architecture.py", file=sys.stderr)
-    return int(text != wanted)
+    content = f"{drawing(rooms)}\n\n{table(rooms)}\n\n{late_table(structure['late'])}"
+    return write_part(DOCS / "architecture.md", "generate_architecture.py", content)
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

@@ -6,10 +6,10 @@ import sys
 from itertools import groupby
 from pathlib import Path
 
+from marked_part import write_part
+
 from sonata2d.gym.parts import OPTIONAL, STANDARD, ObservationPart
 
-PAGE = Path(__file__).parent / "gym.md"
-BEGIN, END = "<!-- begin: written by docs/generate_gym.py -->", "<!-- end -->"
 ROWS = {"humans": "H", "objects": "M", "walls": "W", "interactions": "I"}
 
 
@@ -40,18 +40,5 @@ def table() -> str:
     return "\n".join(["| part | shape | version | about | columns | meaning |", "| --- " * 6 + "|", *map(row, parts)])
 
 
-def main(arguments: list[str]) -> int:
-    text = PAGE.read_text(encoding="utf-8")
-    before, _, rest = text.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    wanted = f"{before}{BEGIN}\n\n{table()}\n\n{END}{after}"
-    if "--check" not in arguments:
-        PAGE.write_text(wanted, encoding="utf-8")
-        return 0
-    if text != wanted:
-        print(f"{PAGE} is not up to date; run python docs/generate_gym.py", file=sys.stderr)
-    return int(text != wanted)
-
-
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(write_part(Path(__file__).with_name("gym.md"), "generate_gym.py", table()))
