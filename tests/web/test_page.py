@@ -170,6 +170,21 @@ def test_a_language_that_is_chosen_while_driving_pauses_the_run(browser: Any, se
     assert [value for control, value in events if control == "a"] == [1.0, 0.0]
 
 
+def test_a_number_that_is_not_complete_is_refused_and_not_taken_for_no_answer(browser: Any, served: Served) -> None:
+    page = opened(browser, served.link())
+    page.get_by_role("button", name="Continue", exact=True).click()
+    page.get_by_label("I am 18 or older.").check()
+    page.get_by_role("button", name="I agree", exact=True).click()
+    page.get_by_label("Your age").press_sequentially("4e")
+    assert page.get_by_label("Your age").input_value() == "", "the browser gives the page no text"
+    go_on(page)
+    page.get_by_text("Please give a number from 18 to").wait_for()
+    page.get_by_label("Your age").fill("44")
+    go_on(page)
+    page.wait_for_selector("#status.waiting")
+    page.context.close()
+
+
 class Past(Question):
     """A date before 2020."""
 

@@ -35,8 +35,8 @@ const field = (tag, attributes, read = text => text) => ({
     if (answer !== null) element.value = answer;
     // an incomplete date or number has the value "": it is sent as a text that is refused, not taken for no answer
     element.addEventListener("input", () => {
-      const text = element.validity.badInput ? "?" : element.value.trim();
-      changed(text === "" ? null : text === "?" ? text : read(text));
+      const text = element.value.trim();
+      changed(element.validity.badInput ? "?" : text === "" ? null : read(text));
     });
     return [element];
   },
