@@ -14,7 +14,7 @@ from pathlib import Path
 from playwright.sync_api import sync_playwright
 
 ROOT = Path(__file__).parent.parent
-OFFICE_SEED = 10
+OFFICE_SEED = 26
 CONTROLLERS = ("straight-to-goal", "social-force", "social-planner")
 
 
