@@ -113,7 +113,7 @@ def command(
         assert out is not None
         devices = InputDevices(profiles)
         session = Session(out, name, config, seed=seed, mappings=devices.mappings, suffix=suffix)
-        # A person who was named on the command line is the only one of this session.
+        # with --contributor, the whole session belongs to one person
         another = ask_name if contributor is None else None
         return CollectScreen(
             session, devices, runs=runs, view=view, scene_changes=allow_scene_changes, new_person=another

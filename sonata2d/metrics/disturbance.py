@@ -97,7 +97,7 @@ def _scene_without_robot(scene: Scene) -> Scene:
 
 @metric("share", "more", needs={"robot", "humans.desired_speed"})
 def human_speed_ratio(trajectory: Trajectory) -> float | None:
-    """Mean over states and walking people of |v_person| / desired speed; not defined if nobody walks.
+    """Mean of |v_person| / desired speed over states and walking people; not defined without walking people.
 
     Source: HuNavSim, avg_pedestrian_velocity, over the desired speed.
     """

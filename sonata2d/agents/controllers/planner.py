@@ -32,7 +32,7 @@ class CostField:
     """The cost of the cheapest path to the goal, on a grid over the room.
 
     A metre of open ground costs 1. The price per metre is higher near walls and furniture, in the intimate and personal
-    space of standing people and between people who interact; it is `_BLOCKED` where the robot does not fit.
+    space of standing people, and between people who interact. Cells in which the robot does not fit cost `_BLOCKED`.
 
     Args:
         scene: gives the room, furniture, standing people, interactions, goal and the robot's radius.

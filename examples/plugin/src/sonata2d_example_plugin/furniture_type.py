@@ -19,7 +19,7 @@ SETTEE = FurnitureType(
     "settee",
     (1.8, 0.85),
     count="settees",  # scenarios have `settees: [1, 2]`
-    relation=None,  # nobody stands before it to look at it
+    relation=None,  # people sit on it, and do not stand in front of it
     is_seat=True,
     words={"en": "Settees", "de": "Sitzbänke", "es": "Canapés"},
     names={"socnav3": "chair", "gym": "chair"},  # which have no settees

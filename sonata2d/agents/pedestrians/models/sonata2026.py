@@ -415,7 +415,7 @@ class Memory(NamedTuple):
 
 
 _MULTIPLIER, _INCREMENT, _MASK = 1664525, 1013904223, 0xFFFFFFFF  # of the generator, modulo 2^32
-_UNIFORM_DRAWS = 4  # uniform numbers whose sum is nearly normal
+_UNIFORM_DRAWS = 4  # uniform random numbers, whose sum approximates a normal distribution
 
 
 @subroutine
