@@ -63,7 +63,7 @@ class DaskExecutor(Executor):
         self._closes_client = not isinstance(address, self._distributed.Client)
         self._generation = 0  # number of times that the scheduler was lost
         self._generations: WeakKeyDictionary[Future[Any], int] = WeakKeyDictionary()
-        self._pending: set[Future[Any]] = set()
+        self._pending: dict[Future[Any], Any] = {}  # Dask's tasks by future
         self._shared: dict[bytes, Any] = {}  # arguments that the workers have, by content
         self._counted, self._count = float("-inf"), 0
         self._warned = time.monotonic()
@@ -88,8 +88,8 @@ class DaskExecutor(Executor):
     @property
     def count(self) -> int:
         """Number of tasks that the workers run at a time: their threads."""
-        if self._is_closed:
-            for future in list(self._pending):  # ends the waiting for them
+        for future, task in list(self._pending.items()):
+            if self._is_closed or task.status == "cancelled":  # a client that closes does not make all its calls
                 _lose(future)
         now = time.monotonic()
         if now - self._counted > _COUNT_INTERVAL:
@@ -117,11 +117,11 @@ class DaskExecutor(Executor):
         task = self._client.submit(fn, *arguments, pure=False, **kwargs)
         future: Future[Any] = Future()
         self._generations[future] = self._generation
-        self._pending.add(future)
+        self._pending[future] = task
         task.add_done_callback(partial(_pass_on, future))
 
         def forget(future: Future[Any]) -> None:
-            self._pending.discard(future)
+            self._pending.pop(future, None)
             if future.cancelled() and task.status == "pending":
                 task.cancel()
 

@@ -199,13 +199,11 @@ class _CallersExecutor:
     @property
     def count(self) -> int:
         """As given, or what the executor says, which may change."""
-        if self._count is not None:
-            return self._count
         for name in ("count", "num_workers", "_max_workers"):  # of DaskExecutor, mpi4py, and the standard library
-            count = getattr(self._executor, name, None)
+            count = getattr(self._executor, name, None)  # DaskExecutor also looks for lost tasks
             if isinstance(count, int):
-                return count
-        return os.cpu_count() or 1
+                return self._count or count
+        return self._count or os.cpu_count() or 1
 
     def close(self) -> None:
         """The executor belongs to the caller."""
