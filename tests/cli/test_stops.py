@@ -117,7 +117,7 @@ def test_an_interruption_that_python_ignores_in_a_finalizer_still_stops_the_batc
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc")
-@pytest.mark.parametrize("started_processes", [0, 1, 2, 3])
+@pytest.mark.parametrize("started_processes", [0, 1, 3])
 def test_ctrl_c_while_the_workers_start_gives_no_traceback(here: Path, started_processes: int) -> None:
     line = "generate out --scenario quick.yaml --episodes 20000 --workers 2"
     with started(line) as process:
@@ -261,20 +261,22 @@ def test_a_killed_worker_is_reported_with_the_way_to_go_on(sonata2d: Run, here: 
     assert "WorkerError: a worker process crashed or was killed" in output
     assert "of 6 episodes are complete in out, continue with the same command and --resume" in output
     (here / "enough memory").touch()
-    sonata2d(f"{line} --resume")
-    sonata2d("check out --replay")
+    sonata2d(f"{line} --resume --workers 1")
+    sonata2d("check out --replay --workers 1")
 
 
-@pytest.mark.parametrize("workers", [1, 2])
 @pytest.mark.parametrize(
-    ("raised", "message"),
+    ("raised", "message", "workers"),
     [
-        ("raise type('Own', (BaseException,), {})('no wall')", "Own: no wall"),
-        ("raise type('OwnScene', (s2.errors.SceneError,), {})('no wall')", "no wall"),
-        ("raise GeneratorExit", "GeneratorExit; at tick 3"),
-        ("raise type('Mute', (Exception,), {'__str__': None})", "Mute"),
-        ("raise type('MuteScene', (s2.errors.SceneError,), {'__str__': None})", "MuteScene"),
-        ("raise ValueError('x' * 5000)", f"ValueError: {'x' * 285}...;"),
+        ("raise type('Own', (BaseException,), {})('no wall')", "Own: no wall", 1),
+        ("raise type('Own', (BaseException,), {})('no wall')", "Own: no wall", 2),  # a class that no pickle holds
+        ("raise type('OwnScene', (s2.errors.SceneError,), {})('no wall')", "no wall", 1),
+        ("raise GeneratorExit", "GeneratorExit; at tick 3", 1),
+        ("raise GeneratorExit", "GeneratorExit; at tick 3", 2),
+        ("raise type('Mute', (Exception,), {'__str__': None})", "Mute", 1),
+        ("raise type('MuteScene', (s2.errors.SceneError,), {'__str__': None})", "MuteScene", 1),
+        ("raise type('MuteScene', (s2.errors.SceneError,), {'__str__': None})", "MuteScene", 2),
+        ("raise ValueError('x' * 5000)", f"ValueError: {'x' * 285}...;", 1),
     ],
 )
 def test_whatever_a_controller_raises_is_an_error_of_its_episode(
@@ -301,7 +303,8 @@ def test_a_controller_that_never_answers_does_not_keep_a_stopped_command_alive(h
     forever = "open('stuck', 'w').close() or [__import__('time').sleep(1) for _ in iter(int, 1)]"
     (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=forever))
     line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 2"
-    with started(line) as process:
+    impatient = "from sonata2d.datasets.workers import processes; processes.STOP_GRACE = 0.5"
+    with started(line, preparation=impatient) as process:
         wait_until((here / "stuck").exists, process)
         process.terminate()
         _, output = process.communicate(timeout=100)
@@ -338,9 +341,14 @@ def test_a_controller_that_prints_does_not_spoil_the_json_output(here: Path, wor
     assert all(text in done.stderr for text in ("import", "noise", "more"))
 
 
-@pytest.mark.parametrize("option", ["", "--json"])
 @pytest.mark.parametrize(
-    "act", ["sys.stdout.close()", "sys.stderr.close()", "sys.stdout = sys.stderr = open('log.txt', 'w')"]
+    ("act", "option"),
+    [
+        ("sys.stdout.close()", ""),
+        ("sys.stdout.close()", "--json"),
+        ("sys.stderr.close()", ""),
+        ("sys.stdout = sys.stderr = open('log.txt', 'w')", "--json"),
+    ],
 )
 def test_a_controller_that_closes_or_replaces_standard_streams_does_not_silence_the_command(
     here: Path, act: str, option: str
@@ -362,7 +370,7 @@ def test_a_controller_that_changes_the_working_folder_does_not_move_the_data_set
     sonata2d(f"generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 9 --workers {workers}")
     assert list((here / "elsewhere").iterdir()) == []
     assert verify(here / "out") == []
-    sonata2d(f"check out --rerun --controller ./fatal.py:Fatal --workers {workers}")
+    sonata2d("check out --rerun --controller ./fatal.py:Fatal --workers 1")
 
 
 @pytest.mark.parametrize("workers", [1, 2])

@@ -66,7 +66,7 @@ def test_killing_and_resuming_gives_the_same_bytes(tmp_path: Path) -> None:
         "if __name__ == '__main__':\n"
         "    rules = {'time_limit': 6.0, 'ends_on': ['time']}\n"
         "    q = s2.ScenarioConfig(name='quick', standing=2, wandering=3, rules=rules)\n"
-        f"    g({str(tmp_path / 'out')!r}, q, episodes=200, seed=1, workers=2)"
+        f"    g({str(tmp_path / 'out')!r}, q, episodes=80, seed=1, workers=2)"
     )
     (tmp_path / "make.py").write_text(code)
     process = subprocess.Popen([sys.executable, str(tmp_path / "make.py")], stderr=subprocess.DEVNULL)
@@ -76,12 +76,12 @@ def test_killing_and_resuming_gives_the_same_bytes(tmp_path: Path) -> None:
     process.send_signal(signal.SIGKILL)
     process.wait()
     before = len(list((tmp_path / "out").glob("0*.json")))
-    assert 5 <= before < 200
+    assert 5 <= before < 80
     manifest = read_manifest(tmp_path / "out")
     assert unlisted_episodes(tmp_path / "out", manifest).startswith(f"{before} episode files are not listed")
     assert [str(one) for one in verify(tmp_path / "out") if "not listed" in str(one)] != []
-    generate_dataset(tmp_path / "out", scenario, episodes=200, seed=1, resume=True)
-    generate_dataset(tmp_path / "whole", scenario, episodes=200, seed=1, workers=2)
+    generate_dataset(tmp_path / "out", scenario, episodes=80, seed=1, resume=True)
+    generate_dataset(tmp_path / "whole", scenario, episodes=80, seed=1)
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
 
 

@@ -96,7 +96,7 @@ def test_the_members_of_a_shard_are_samples_of_webdataset(sharded: Path) -> None
 
 @pytest.mark.parametrize("options", [{}, {"suffix": ".json.zst"}, {"keep": ["timeout"]}])  # most end so
 def test_killing_and_resuming_gives_the_same_shards(tmp_path: Path, options: dict[str, Any]) -> None:
-    settings = {"episodes": 60, "seed": 5, "shard_size": 25, **options}
+    settings = {"episodes": 40, "seed": 5, "shard_size": 16, **options}
     s2.generate_dataset(tmp_path / "whole", QUICK, "straight-to-goal", **settings)
     code = (
         "import sonata2d as s2\n"
@@ -105,13 +105,13 @@ def test_killing_and_resuming_gives_the_same_shards(tmp_path: Path, options: dic
     )
     fifth = (tmp_path / "whole" / "shard-000000.tar").stat().st_size // 5
     killed, found_parts = 0, False
-    for attempt in range(4):
+    for attempt in range(2):
         process = subprocess.Popen([sys.executable, "-c", code])
         parts: list[int] = []
         for _ in range(2000):
             with suppress(FileNotFoundError):  # it got its name meanwhile
                 parts = [path.stat().st_size for path in (tmp_path / "out").glob(".part-*")]
-            if process.poll() is not None or any(size > fifth * (attempt % 3 + 1) for size in parts):
+            if process.poll() is not None or any(size > fifth * (2 * attempt + 1) for size in parts):
                 break
             try:
                 process.wait(timeout=0.01)
@@ -495,16 +495,16 @@ describe {sharded}/shard-000001.tar
 describe {sharded}/shard-000001.tar/000012.json
 render {sharded} -o sheet.png
 render {sharded}/shard-000001.tar/000012.json -o one.svg
-export {sharded} --to npz -o arrays
-export {sharded} --to parquet -o tables
-evaluate {sharded} --no-rerun --resamples 100
+export {sharded} --to npz -o arrays --workers 1
+export {sharded} --to parquet -o tables --workers 1
+evaluate {sharded} --no-rerun --resamples 100 --workers 1
 mirror {sharded} -o mirrored --workers 2
-check mirrored
+check mirrored --workers 1
 merge {sharded} mirrored -o both
 split both
 card both
-check both
-generate out --scenario empty --episodes 5 --shard-size 2 --compress zst --json
+check both --workers 1
+generate out --scenario empty --episodes 5 --shard-size 2 --compress zst --json --workers 1
 check out --engine dask --workers 1 --replay
 """
 

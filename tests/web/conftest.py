@@ -108,9 +108,9 @@ class Served:
 
 @pytest.fixture(scope="session")
 def short_runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Ten recorded runs of one second."""
+    """Ten recorded runs of half a second."""
     folder = tmp_path_factory.mktemp("recorded") / "runs"
-    config = s2.load_scenario("empty").changed(rules={"time_limit": 1.0})
+    config = s2.load_scenario("empty").changed(rules={"time_limit": 0.5})
     s2.generate_dataset(folder, config, "straight-to-goal", episodes=10, workers=1)
     return folder
 

@@ -16,6 +16,7 @@ from sonata2d.study.report import results_of
 from sonata2d.web.server import MAPPINGS
 
 from .conftest import Served
+from .test_server import client_of
 
 _STEP = "#step:not([hidden]) #title"
 
@@ -74,11 +75,32 @@ def practise(page: Any) -> None:
     page.wait_for_selector("#status.waiting")
 
 
-def at_first_run(browser: Any, link: str) -> Any:
-    """A page that waits for the first run, after the practice."""
-    page = opened(browser, link)
-    prepare(page)
-    practise(page)
+def at_practice(browser: Any, link: str, proxied: str | None = None) -> Any:
+    """A page that waits for the practice; the steps before are taken without the browser.
+
+    Args:
+        browser: Chromium.
+        link: of the participant.
+        proxied: the link that the page opens.
+    """
+    with client_of(link) as client:
+        client.prepare()
+    return waiting(opened(browser, proxied or link))
+
+
+def at_first_run(browser: Any, link: str, proxied: str | None = None) -> Any:
+    """A page that waits for the first run; see `at_practice`."""
+    with client_of(link) as client:
+        run = client.prepare()["drive"]["run"]
+        for number in range(3):
+            client.tick(run, number, ("keyboard", "w", 1.0))
+        client.ask(type="stop", run=run)
+        client.ask(type="finish_practice", run=run)
+    return waiting(opened(browser, proxied or link))
+
+
+def waiting(page: Any) -> Any:
+    page.wait_for_selector("#status.waiting")
     return page
 
 

@@ -12,7 +12,7 @@ from sonata2d.study.report import results_of
 
 from .conftest import Served
 from .proxy import Proxy
-from .test_browser import at_first_run, drive_with_keys, end, go_on, opened, prepare
+from .test_browser import at_first_run, at_practice, drive_with_keys, end, go_on, opened
 from .test_robustness import driven_by_a_pad
 
 
@@ -23,8 +23,7 @@ def session_of(served: Served, id: str = "p001") -> Any:
 
 
 def test_keys_drive_after_a_click_on_a_button(browser: Any, served: Served) -> None:
-    page = opened(browser, served.link())
-    prepare(page)
+    page = at_practice(browser, served.link())
     for name in ("Camera", "Zoom in"):
         page.get_by_role("button", name=name).click()
         page.keyboard.down("w")
@@ -45,8 +44,7 @@ def test_keys_drive_after_a_click_on_a_button(browser: Any, served: Served) -> N
 
 
 def test_keys_of_other_alphabets_drive(browser: Any, served: Served) -> None:
-    page = opened(browser, served.link())
-    prepare(page)
+    page = at_practice(browser, served.link())
     page.locator("#canvas").focus()
     event = "new KeyboardEvent('{}', {{key: '{}', code: 'KeyW', bubbles: true}})"
     page.evaluate("event => dispatchEvent(" + event.format("keydown", "ц") + ")", None)
@@ -143,8 +141,7 @@ def test_a_label_that_is_moved_before_the_start_is_the_first_one(browser: Any, s
 def test_a_language_that_is_chosen_while_driving_pauses_the_run(browser: Any, served: Served) -> None:
     token = served.link().rpartition("/")[2]
     with Proxy(served.port, delay=0.2) as proxy:  # ticks are on their way when the message is sent
-        page = opened(browser, f"http://127.0.0.1:{proxy.port}/s/{token}")
-        prepare(page)
+        page = at_practice(browser, f"{served.url}/s/{token}", f"http://127.0.0.1:{proxy.port}/s/{token}")
         page.locator("#canvas").focus()
         page.keyboard.down("w")
         page.wait_for_selector("#status.driving")

@@ -15,7 +15,7 @@ from sonata2d.study.export import export_study
 from sonata2d.study.participant import Participant
 
 from .conftest import Served
-from .test_browser import end, go_on, opened, prepare
+from .test_browser import at_practice, end, go_on, opened, prepare
 from .test_server import Client, client_of, fetch
 
 
@@ -143,8 +143,7 @@ def test_agreement_of_ratings(served: Served) -> None:
 
 
 def test_the_page_in_a_browser(browser: Any, served: Served, tmp_path: Path) -> None:
-    participant = opened(browser, served.link())
-    prepare(participant)
+    participant = at_practice(browser, served.link())
     page = opened(browser, page_of(served), accept_downloads=True)
     page.wait_for_selector("#rows tr")
     participant.bring_to_front()

@@ -26,7 +26,7 @@ from sonata2d.record.reader import read_episode
 
 from .conftest import Served
 from .proxy import Proxy
-from .test_browser import at_first_run, drive_with_keys, end, opened, prepare
+from .test_browser import at_first_run, at_practice, drive_with_keys, end, opened, waiting
 from .test_server import client_of
 
 FRAME_ROOM = "extends: empty\nlabel: {kind: classes, classes: [bad, fair, good], question: How is it, when: frame}\n"
@@ -86,8 +86,8 @@ def test_a_bad_connection_loses_no_tick_and_doubles_none(served: Served) -> None
 def test_a_page_with_a_slow_connection(browser: Any, served: Served) -> None:
     token = served.link().rpartition("/")[2]
     with Proxy(served.port, delay=0.06, jitter=0.06, loss=0.02) as proxy:
-        page = at_first_run(browser, f"http://127.0.0.1:{proxy.port}/s/{token}")
-        drive_with_keys(page, 1500)
+        page = at_first_run(browser, f"{served.url}/s/{token}", f"http://127.0.0.1:{proxy.port}/s/{token}")
+        drive_with_keys(page, 1000)
         proxy.cut()
         page.get_by_text("The connection is lost. Trying again …").wait_for()
         page.wait_for_selector("#status.paused")
@@ -108,8 +108,7 @@ def test_a_page_with_a_slow_connection(browser: Any, served: Served) -> None:
 
 def test_a_closed_tab_stops_the_robot_and_keeps_the_journal(browser: Any, served: Served) -> None:
     link = served.link()
-    page = opened(browser, link)
-    prepare(page)
+    page = at_practice(browser, link)
     page.locator("#canvas").focus()
     page.keyboard.down("w")
     page.wait_for_selector("#status.driving")
@@ -228,12 +227,14 @@ navigator.getGamepads = () => [window.pad];
 
 def driven_by_a_pad(browser: Any, link: str) -> Any:
     """A page on which a game pad drives ahead."""
+    with client_of(link) as client:
+        client.prepare()
     context = browser.new_context(viewport={"width": 1000, "height": 760})
     context.add_init_script(GAME_PAD)
     page = context.new_page()
     page.set_default_timeout(15_000)
     page.goto(link)
-    prepare(page)
+    waiting(page)
     page.evaluate("pad.axes = [0.2, -0.9, 0, 0]")
     page.wait_for_selector("#status.driving")
     return page

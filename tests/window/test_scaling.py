@@ -71,7 +71,7 @@ def test_the_help_does_not_cover_the_legend_in_any_language(
     assert card is not None
     assert not card.box.colliderect(legend_box(size, session.after, zones=True, scale=person.stage.scale))
     person.press(pygame.K_F1)
-    person.drive(session, seconds=1.0)
+    person.drive(session, seconds=0.2)
     person.press(pygame.K_RETURN, pygame.K_RETURN)
     viewer = Person(lambda: ViewScreen([person.kept_file()]), size)
     viewer.press(pygame.K_F1, pygame.K_z, pygame.K_t)
