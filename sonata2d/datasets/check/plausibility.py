@@ -15,7 +15,7 @@ from ...core.geometry import Barriers, Disc, inside_polygon, segment_distances, 
 from ...core.portable_math import Array, BoolArray, unit_vectors
 from ...core.relations import ACTIVITIES
 from ...core.scene import Scene
-from ...core.vectors import wrap_angle
+from ...core.vectors import lengths, wrap_angle
 from ...record.canonical import rounded_rows
 from ...record.layout import HUMAN_ANGLES, ROBOT_ANGLES
 from ...record.record import EpisodeRecord
@@ -209,10 +209,15 @@ def _check_overlaps(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Findin
                     depth[record.states.activity[:, k] == _SITTING] = np.nan
                 yield from _worst_tick(depth, "objects", name, f"m too deep in {thing.type} {thing.id}")
         offset = positions[:, k + 1 :] - position[:, None]
-        others = directions[:, k + 1 :], shoulders[k + 1 :]
-        distance = shoulder_line_distances(offset, directions[:, k, None], shoulders[k], *others)
-        depths = minimum_distance + radii[k + 1 :] - distance
-        for other in range(depths.shape[1]):
+        reach = minimum_distance + radii[k + 1 :] + shoulders[k] + shoulders[k + 1 :]
+        ticks, others = np.nonzero(lengths(offset) < reach)  # the outlines of the other pairs cannot touch
+        headings, others_headings = directions[ticks, k], directions[ticks, k + 1 + others]
+        distance = shoulder_line_distances(
+            offset[ticks, others], headings, shoulders[k], others_headings, shoulders[k + 1 + others]
+        )
+        depths = np.full(offset.shape[:2], np.nan)
+        depths[ticks, others] = minimum_distance + radii[k + 1 + others] - distance
+        for other in np.unique(others).tolist():
             yield from _worst_tick(depths[:, other], "humans", name, f"m too deep in {names[k + 1 + other]}")
 
 
