@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+import sonata2d as s2
+
 ROOT = Path(__file__).parents[2]
 PLUGIN = ROOT / "examples" / "plugin"
 BLOCK = re.compile(r"^```(\w+)(?: file=(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -27,6 +29,14 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     subprocess.run([*pip, "--target", str(target), str(source)], check=True)
     paths = [str(target), *filter(None, [os.environ.get("PYTHONPATH")])]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data set of two short episodes, which needs no plug-in."""
+    folder = tmp_path_factory.mktemp("runs") / "out"
+    s2.generate_dataset(folder, "empty", "straight-to-goal", episodes=2)
+    return folder
 
 
 def sonata2d(words: list[str], env: dict[str, str], cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -82,7 +92,7 @@ def test_episodes_with_plug_ins_replay_and_rerun_to_the_bit(installed: dict[str,
     (tmp_path / "quick.yaml").write_text(scenario)
     words = ["generate", "out", "--scenario", "quick.yaml", "--controller", "cautious", "--episodes", "2"]
     assert sonata2d([*words, "--no-picture", "--workers", "2"], installed, tmp_path).returncode == 0
-    done = sonata2d(["check", "out", "--replay", "--rerun"], installed, tmp_path)
+    done = sonata2d(["check", "out", "--replay", "--rerun", "--workers", "1"], installed, tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -156,7 +166,9 @@ def test_a_broken_plug_in_is_named_and_skipped(installed: dict[str, str], tmp_pa
     assert "Traceback" not in done.stderr
 
 
-def test_a_metric_plug_in_cannot_replace_a_built_in_metric(installed: dict[str, str], tmp_path: Path) -> None:
+def test_a_metric_plug_in_cannot_replace_a_built_in_metric(
+    installed: dict[str, str], runs: Path, tmp_path: Path
+) -> None:
     info = tmp_path / "metrics-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: metrics\nVersion: 1.0\n")
@@ -164,9 +176,7 @@ def test_a_metric_plug_in_cannot_replace_a_built_in_metric(installed: dict[str, 
     source = "from sonata2d.metrics import metric\n@metric('m', 'less', needs=())\ndef success(t): return 7.0\n"
     (tmp_path / "mine.py").write_text(source)
     env = installed | {"PYTHONPATH": os.pathsep.join([installed["PYTHONPATH"], str(tmp_path)])}
-    words = ["generate", "out", "--scenario", "empty", "--controller", "straight-to-goal", "--episodes", "1"]
-    assert sonata2d([*words, "--no-picture"], env, tmp_path).returncode == 0
-    done = sonata2d(["evaluate", "out", "--metric", "success"], env, tmp_path)
+    done = sonata2d(["evaluate", str(runs), "--metric", "success", "--workers", "1"], env, tmp_path)
     assert "7.0" not in done.stdout
     assert "metric plug-in 'success' is skipped: the name is taken" in done.stderr
     assert "metric plug-in 'other' is skipped: its metric is named 'success'" in done.stderr
@@ -221,29 +231,27 @@ def test_episodes_of_a_plug_in_that_is_not_installed_say_what_to_install(
         "Error: MetricError: out/000000.json cannot be run without the robot: no pedestrian model is"
     )
     assert "install the package that provides it" in line
-    assert sonata2d(["evaluate", "out", "--no-rerun"], env, tmp_path).returncode == 0
-    problem, summary = sonata2d(["check", "out", "--replay"], env, tmp_path).stdout.splitlines()
+    assert sonata2d(["evaluate", "out", "--no-rerun", "--workers", "1"], env, tmp_path).returncode == 0
+    problem, summary = sonata2d(["check", "out", "--replay", "--workers", "1"], env, tmp_path).stdout.splitlines()
     assert problem.startswith("000000.json: settings: they give no scene: person.model: no pedestrian model is named")
     assert summary == "out: 1 file checked, replayed, 1 problem"
-    problem, _ = sonata2d(["check", "out", "--rerun"], env, tmp_path).stdout.splitlines()
+    problem, _ = sonata2d(["check", "out", "--rerun", "--workers", "1"], env, tmp_path).stdout.splitlines()
     assert problem.endswith("nor a plug-in of an installed package; install the package that provides it")
 
 
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_a_metric_that_raises_is_named_with_the_file_and_a_broken_one_once(
-    installed: dict[str, str], tmp_path: Path, workers: str
+    installed: dict[str, str], runs: Path, tmp_path: Path, workers: str
 ) -> None:
     source = "from sonata2d.metrics import Metric\ndef fail(t): raise KeyError('x')\n"
     source += "RAISING = Metric('raising', 'm', 'less', '', '', fail, needs=())\n"
     package(tmp_path, "[sonata2d.metrics]\nraising = mine:RAISING\nwrong = math:pi\n", source)
     env = installed | {"PYTHONPATH": os.pathsep.join([installed["PYTHONPATH"], str(tmp_path)])}
-    words = ["generate", "out", "--scenario", "empty", "--controller", "straight-to-goal", "--episodes", "2"]
-    assert sonata2d([*words, "--no-picture"], env, tmp_path).returncode == 0
-    done = sonata2d(["evaluate", "out", "--workers", workers], env, tmp_path)
+    done = sonata2d(["evaluate", str(runs), "--workers", workers], env, tmp_path)
     assert done.returncode == 1
     warning, error = done.stderr.splitlines()
     assert warning.startswith("Warning: metric plug-in 'wrong' (math:pi) is not a Metric")
-    assert error == "Error: MetricError: metric 'raising' of out/000000.json: KeyError: 'x'"
+    assert error == f"Error: MetricError: metric 'raising' of {runs}/000000.json: KeyError: 'x'"
 
 
 DATE = """
