@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import os
+import py_compile
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -184,3 +187,19 @@ def test_the_source_of_a_controller_is_hashed_and_that_of_sonata2d_is_not(folder
 
 class Elsewhere(StraightToGoal):
     """A controller that another file imports."""
+
+
+def test_a_file_that_is_changed_within_a_second_is_the_one_that_is_hashed(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Byte code that Python stores is taken for up to date if the time in seconds and the size are equal."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    py_compile.compile("mine.py")
+    time, changed = (folder / "mine.py").stat().st_mtime, CONTROLLER_FILE.replace("0.5", "0.4")
+    (folder / "mine.py").write_text(changed)
+    os.utime(folder / "mine.py", (time, time))
+    controller = load_controller("./mine.py:Mine")
+    assert controller.act(None).vx == 0.4  # type: ignore[arg-type]
+    assert source_hashes("./mine.py:Mine", controller) == {
+        "./mine.py:Mine": hashlib.sha256(changed.encode()).hexdigest()
+    }

@@ -45,16 +45,11 @@ class Cluster:
         self.workers.pop(0).wait()
 
     def restart_scheduler(self) -> None:
-        """Kill the scheduler, and start another one at its address with new workers, as a cluster's manager does."""
-        self.scheduler.kill()
-        self.scheduler.wait()
+        """Kill all, and start another scheduler at its address with new workers, as a cluster's manager does."""
         count = len(self.workers)
-        for worker in self.workers:  # they end with their scheduler, unless they are still looking for it
-            try:
-                worker.wait(timeout=2)
-            except subprocess.TimeoutExpired:
-                worker.kill()
-                worker.wait()
+        for process in (self.scheduler, *self.workers):
+            process.kill()
+            process.wait()
         self.workers.clear()
         self.scheduler = self._start_scheduler()
         for _ in range(count):
