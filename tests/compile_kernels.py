@@ -5,10 +5,7 @@ A test run with several processes does this first: with an empty cache, each pro
 
 from __future__ import annotations
 
-import os
 import sys
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 
 import sonata2d as s2
 from sonata2d.core.compiled import kernel as compiled
@@ -39,17 +36,15 @@ def observe() -> None:
 
 
 def main() -> None:
-    """Compile the kernels of a tick, then the others with all processors."""
+    """Compile the kernels of all controllers, pedestrian models and wrappers."""
     if not compiled.IS_COMPILED:
         return
-    run()
-    controllers = [name for name in CONTROLLERS.built_in if name != _DRIVEN_BY_A_PERSON]
-    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
-        tasks = [pool.submit(run, controller=name) for name in controllers]
-        tasks += [pool.submit(run, model=name) for name in PEDESTRIAN_MODELS.built_in]
-        tasks.append(pool.submit(observe))
-        for task in tasks:
-            task.result()
+    for controller in CONTROLLERS.built_in:
+        if controller != _DRIVEN_BY_A_PERSON:
+            run(controller=controller)
+    for model in PEDESTRIAN_MODELS.built_in:
+        run(model=model)
+    observe()
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background jo
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile all kernels with all processors before a run with several processes, if none is compiled yet."""
+    """Compile all kernels before a run with several processes, if none is compiled yet."""
     if compiled.IS_COMPILED and getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
         from sonata2d.core.compiled import cache as kernel_cache
 

@@ -49,7 +49,7 @@ after_run:
 ratings:
   - name: polite
     folder: recorded
-    count: 10
+    count: 5
     repeats: 0
     question: {name: polite, kind: yes_no, question: {en: Polite, de: Höflich, zh: 礼貌吗}}
 end:
@@ -108,10 +108,10 @@ class Served:
 
 @pytest.fixture(scope="session")
 def short_runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Ten recorded runs of half a second."""
+    """Five recorded runs of half a second."""
     folder = tmp_path_factory.mktemp("recorded") / "runs"
     config = s2.load_scenario("empty").changed(rules={"time_limit": 0.5})
-    s2.generate_dataset(folder, config, "straight-to-goal", episodes=10, workers=1)
+    s2.generate_dataset(folder, config, "straight-to-goal", episodes=5, workers=1)
     return folder
 
 
