@@ -73,7 +73,8 @@ def metric_named(name: str) -> Metric:
     """
     if name not in ALL:
         projects = {metric.name.partition(".")[0] for metric in VARIANTS}
-        hint = did_you_mean(name, [*ALL, *sorted(projects), "all"]) or "; docs/metrics.md lists them"
+        known = [*ALL, *sorted(projects), "all"]
+        hint = did_you_mean(name, known) or "; docs/metrics.md lists them; a plug-in's package must be installed"
         raise MetricError(f"no metric is named {name!r}{hint}")
     return ALL[name]
 

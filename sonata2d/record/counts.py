@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -58,7 +58,8 @@ def commands_beyond_limits(robot: Robot, command: Array) -> dict[str, dict[str, 
 
     Returns:
         By component (vx, vy, omega): number of frames, and the command that exceeds its limit most, with that limit;
-        without signs, so that a mirror image has the same. Components that stay within their limits are left out.
+        vy and omega without signs, so that a mirror image has the same; vx is negative backwards. Components that stay
+        within their limits are left out.
     """
     limits, sideways = robot.limits, robot.sideways_limit
     lower = np.array([-limits.back, -sideways, -limits.turn])
@@ -68,9 +69,8 @@ def commands_beyond_limits(robot: Robot, command: Array) -> dict[str, dict[str, 
     for k in np.flatnonzero((excess > _LIMIT_TOLERANCE).any(axis=0)).tolist():
         worst = int(np.argmax(excess[:, k]))
         value = float(command[worst, k])
-        excesses[COMMAND_NAMES[k]] = {
-            "frames": int(np.count_nonzero(excess[:, k] > _LIMIT_TOLERANCE)),
-            "command": abs(value),
-            "limit": abs(float(upper[k] if value > 0.0 else lower[k])),
-        }
+        limit = float(upper[k] if value > 0.0 else lower[k])
+        size: Callable[[float], float] = float if COMMAND_NAMES[k] == "vx" else abs
+        frames = int(np.count_nonzero(excess[:, k] > _LIMIT_TOLERANCE))
+        excesses[COMMAND_NAMES[k]] = {"frames": frames, "command": size(value), "limit": size(limit)}
     return excesses

@@ -86,6 +86,8 @@ class Episode(Drawable):
         controller_info: ControllerInfo | None = None,
         renderer: Renderer | None = None,
     ) -> None:
+        if not isinstance(scene, Scene):
+            raise TypeError(f"an episode needs a scene, such as generate() returns; got {shown(scene)}")
         controller = require_controller(controller or External())
         if controller.image is not None and renderer is None:
             raise ControllerError(

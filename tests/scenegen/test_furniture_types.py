@@ -88,8 +88,10 @@ def test_scenarios_have_the_number_of_a_registered_type() -> None:
 
 
 def test_a_number_of_an_unknown_type_is_an_unknown_key() -> None:
-    with pytest.raises(ConfigError, match="unknown key 'settees'"):
+    with pytest.raises(ConfigError, match="unknown key 'settees'; did you mean 'seated'"):
         ScenarioConfig(settees=1)  # type: ignore[call-arg]
+    with pytest.raises(ConfigError, match="unknown key 'kiosks'; install the package, if a plug-in defines it; keys"):
+        ScenarioConfig(kiosks=1)  # type: ignore[call-arg]
 
 
 @pytest.mark.usefixtures("_settee")

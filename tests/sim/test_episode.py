@@ -68,6 +68,11 @@ def test_observers_are_opened_then_get_every_frame_then_are_closed() -> None:
     assert [frame.snapshot.time for frame in log.frames] == [0.0, 0.1, 0.2, 0.3, 0.4]
 
 
+def test_a_name_in_place_of_a_scene_is_refused() -> None:
+    with pytest.raises(TypeError, match=r"an episode needs a scene, such as generate\(\) returns; got 'lively'"):
+        s2.Episode("lively", s2.StraightToGoal())  # type: ignore[arg-type]
+
+
 def test_the_goal_ends_the_episode_and_its_heading_counts_if_it_has_a_tolerance() -> None:
     near_goal = room(robot=Pose(2.8, 0.0, 0.0))
     assert run(near_goal, Answers())[0].outcome == Outcome("goal", "within 0.4 m of the goal", 0, 0.0)

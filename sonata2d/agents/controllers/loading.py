@@ -84,7 +84,7 @@ def _created(controller_class: type[Controller], name: str, settings: Mapping[st
         raise
     except BaseException as error:
         interruption.reraise(error)
-        how = "without arguments" if settings is None else "from its recorded settings"
+        how = "without arguments, which need defaults" if settings is None else "from its recorded settings"
         raise ControllerError(f"{name} cannot be created {how}: {described(error)}") from error
 
 

@@ -123,7 +123,9 @@ class Settings(BaseModel, metaclass=OneLineErrors):
         for key in values if isinstance(values, dict) else ():
             if key not in cls.model_fields and key not in cls._further_keys():
                 known = list(dict.fromkeys((*cls.model_fields, *cls._further_keys())))
-                hint = did_you_mean(str(key), known) or f"; keys are {', '.join(known)}"
+                if not (hint := did_you_mean(str(key), known)):
+                    origin = "; install the package, if a plug-in defines it" if cls._further_keys() else ""
+                    hint = f"{origin}; keys are {', '.join(known)}"
                 raise setting_error(f"unknown key '{key}'{hint}", key, kind="unknown_key")
         return values
 

@@ -1,1 +1,1 @@
-"""A template plug-in package for sonata2d: one controller, pedestrian model, format, metric and room kind."""
+"""A template plug-in package for sonata2d: one object of each kind that packages can add."""
