@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -67,10 +67,10 @@ def commands_beyond_limits(robot: Robot, command: Array) -> dict[str, dict[str, 
     excess = np.maximum(command - upper, lower - command)
     excesses: dict[str, dict[str, float]] = {}
     for k in np.flatnonzero((excess > _LIMIT_TOLERANCE).any(axis=0)).tolist():
-        worst = int(np.argmax(excess[:, k]))
-        value = float(command[worst, k])
+        value = float(command[np.argmax(excess[:, k]), k])
         limit = float(upper[k] if value > 0.0 else lower[k])
-        size: Callable[[float], float] = float if COMMAND_NAMES[k] == "vx" else abs
+        if COMMAND_NAMES[k] != "vx":
+            value, limit = abs(value), abs(limit)
         frames = int(np.count_nonzero(excess[:, k] > _LIMIT_TOLERANCE))
-        excesses[COMMAND_NAMES[k]] = {"frames": frames, "command": size(value), "limit": size(limit)}
+        excesses[COMMAND_NAMES[k]] = {"frames": frames, "command": value, "limit": limit}
     return excesses

@@ -89,7 +89,7 @@ class DaskExecutor(Executor):
     def count(self) -> int:
         """Number of tasks that the workers run at a time: their threads."""
         for future, task in list(self._pending.items()):
-            if self._is_closed or task.status == "cancelled":  # a client that closes does not make all its calls
+            if self._is_closed or task.status == "cancelled":  # Dask omits callbacks of a closed client
                 _lose(future)
         now = time.monotonic()
         if now - self._counted > _COUNT_INTERVAL:

@@ -124,8 +124,8 @@ class Settings(BaseModel, metaclass=OneLineErrors):
             if key not in cls.model_fields and key not in cls._further_keys():
                 known = list(dict.fromkeys((*cls.model_fields, *cls._further_keys())))
                 if not (hint := did_you_mean(str(key), known)):
-                    origin = "; install the package, if a plug-in defines it" if cls._further_keys() else ""
-                    hint = f"{origin}; keys are {', '.join(known)}"
+                    remedy = "; install the package, if a plug-in defines it" if cls._further_keys() else ""
+                    hint = f"{remedy}; keys are {', '.join(known)}"
                 raise setting_error(f"unknown key '{key}'{hint}", key, kind="unknown_key")
         return values
 
