@@ -6,7 +6,9 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
+from contextlib import AbstractContextManager
 from dataclasses import replace
 
 import hypothesis
@@ -19,6 +21,8 @@ from sonata2d.core.geometry import Disc, Point, Pose, Rectangle, contact_times
 from sonata2d.core.portable_math import Array, IntArray
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Snapshot
+from sonata2d.datasets.workers.processes import Processes
+from sonata2d.datasets.workers.tasks import Answer, Call
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 hypothesis.settings.register_profile("sonata2d", deadline=None)  # the first call of a kernel may compile it
@@ -46,6 +50,24 @@ def compilation_is_announced() -> None:
         folder = kernel_cache.writable_folder()
         if folder is not None:
             (folder / kernel_cache.STAMP).touch()
+
+
+@pytest.fixture(scope="session")
+def _two_processes() -> Iterator[Processes]:
+    processes = Processes(2)
+    yield processes
+    processes.close()
+
+
+@pytest.fixture
+def kept_processes(_two_processes: Processes, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work for two processes is done by two that all tests share: they take longer to start than to do it."""
+    submitting = Processes.submitting
+
+    def submitting_to_kept(self: Processes, call: Call) -> AbstractContextManager[Callable[..., Future[Answer]]]:
+        return submitting(_two_processes if self.count == 2 else self, call)
+
+    monkeypatch.setattr(Processes, "submitting", submitting_to_kept)
 
 
 SQUARE: tuple[Point, ...] = ((-4.0, -4.0), (4.0, -4.0), (4.0, 4.0), (-4.0, 4.0))

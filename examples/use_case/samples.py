@@ -90,7 +90,7 @@ def _compute_samples(folder: Path, graph: str, manifest: dict[str, Any], workers
     parts = {name: PARTS.index(part) for part, names in split.items() for name in names}
     jobs = [(folder / row["name"], graph, parts.get(row["name"], 0)) for row in manifest["files"]]
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        results = pool.map(_samples_of_file, jobs, chunksize=16)
+        results = pool.map(_samples_of_file, jobs, chunksize=16) if workers > 1 else map(_samples_of_file, jobs)
         bar = tqdm(results, f"graphs of {folder.name}", len(jobs), disable=None)
         return concatenate([samples for samples in bar if samples is not None])
 

@@ -63,6 +63,7 @@ def walked(record: s2.EpisodeRecord) -> float:
     return float(np.linalg.norm(record.humans[-1, :, :2] - record.humans[0, :, :2], axis=1).mean())
 
 
+@pytest.mark.usefixtures("kept_processes")
 def test_a_registered_model_is_used_in_this_process_and_in_workers(tmp_path: Path) -> None:
     PEDESTRIAN_MODELS.register("mine", Straight)
     assert "mine" in PEDESTRIAN_MODELS
@@ -150,6 +151,7 @@ def test_a_model_of_a_notebook_is_sent_with_its_code(tmp_path: Path) -> None:
     assert result.stdout == "<Dataset out: 6 episodes>\n"
 
 
+@pytest.mark.usefixtures("kept_processes")
 @pytest.mark.parametrize("workers", [1, 2])
 def test_errors_of_a_model_are_those_of_an_episode(workers: int, tmp_path: Path) -> None:
     PEDESTRIAN_MODELS.register("mine", Fails)

@@ -35,7 +35,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def sonata2d(here: Path) -> Run:
+def sonata2d(here: Path, kept_processes: None) -> Run:
     """Runs the words of a command line, checks the exit code and returns the result.
 
     Commands use one worker unless the line says otherwise: starting two takes longer than their work.

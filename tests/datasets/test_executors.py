@@ -33,6 +33,7 @@ def is_large(result: tuple[int, int]) -> bool:
     return result[1] >= 20
 
 
+@pytest.mark.usefixtures("kept_processes")
 def test_calls_share_processes_and_each_call_has_its_own_function() -> None:
     with Workers(2) as workers:
         found = [
@@ -48,6 +49,7 @@ def test_calls_share_processes_and_each_call_has_its_own_function() -> None:
     assert [value for _, value in found[2]] == [100 * item for item in range(40)]  # in order
 
 
+@pytest.mark.usefixtures("kept_processes")
 def test_a_call_that_is_closed_early_leaves_the_processes_to_the_next_one() -> None:
     with Workers(2, task_size=4) as workers:
         endless = workers.results(Call(partial(multiplier, 1)), count(), None, in_order=False)
@@ -57,6 +59,7 @@ def test_a_call_that_is_closed_early_leaves_the_processes_to_the_next_one() -> N
     assert sorted(value for _, value in found) == [2 * item for item in range(9)]
 
 
+@pytest.mark.usefixtures("kept_processes")
 def test_a_worker_skips_the_rest_of_its_chunk_after_a_last_result() -> None:
     with Workers(2, task_size=4) as workers:
         found = list(workers.results(Call(partial(multiplier, 20), is_large), range(4), None, in_order=False))
@@ -84,6 +87,7 @@ def test_too_few_file_handles_for_a_worker_are_one_error_and_no_process_waits(tm
     assert "Traceback" not in found.stderr
 
 
+@pytest.mark.usefixtures("kept_processes")
 def test_a_call_that_ends_does_not_stop_another_one() -> None:
     with Workers(2) as workers:
         first = parallel_map(partial(tagged, 1), range(60), workers=workers)
@@ -101,3 +105,17 @@ def test_a_call_whose_processes_are_ended_says_that_results_are_missing() -> Non
         next(results)
     with pytest.raises(WorkerError, match="were ended before their work was done"):
         list(results)
+
+
+def working_folder(_: int) -> str:
+    return os.getcwd()
+
+
+@pytest.mark.usefixtures("kept_processes")
+def test_processes_follow_the_working_folder_of_the_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with Workers(2) as workers:
+        for name in ("first", "second"):
+            (tmp_path / name).mkdir()
+            monkeypatch.chdir(tmp_path / name)
+            found = set(parallel_map(working_folder, range(9), workers=workers))
+            assert found == {str(tmp_path / name)}

@@ -36,6 +36,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.usefixtures("kept_processes")
 def test_the_number_of_workers_changes_no_byte(reference: Path, tmp_path: Path) -> None:
     generate_dataset(tmp_path / "two", QUICK, "straight-to-goal", episodes=10, seed=5, workers=2)
     assert contents(tmp_path / "two") == contents(reference)

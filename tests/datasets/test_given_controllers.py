@@ -53,6 +53,7 @@ class Locked(Ahead):
         self.lock = threading.Lock()
 
 
+@pytest.mark.usefixtures("kept_processes")
 @pytest.mark.parametrize(("controller", "speed"), [(Ahead, 0.5), (Ahead(0.3), 0.3)])
 def test_classes_and_objects_give_the_same_bytes_in_one_process_and_in_two(
     controller: Any, speed: float, tmp_path: Path
@@ -83,9 +84,10 @@ def helper(snapshot):
     return 2.0
 
 if __name__ == "__main__":
-    for name, controller in (("class", Shy), ("object", Shy())):
-        dataset = s2.generate_dataset(name, "empty", controller, episodes=6, workers=2)
-        print(dataset, dataset[0].controller_info.path, dataset[0].command[0, 0])
+    with s2.Workers(2) as workers:
+        for name, controller in (("class", Shy), ("object", Shy())):
+            dataset = s2.generate_dataset(name, "empty", controller, episodes=6, workers=workers)
+            print(dataset, dataset[0].controller_info.path, dataset[0].command[0, 0])
 """
 
 

@@ -23,6 +23,8 @@ from sonata2d.errors import ControllerError, RecordError
 
 from .test_generate import contents
 
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
 QUICK = s2.ScenarioConfig(name="quick", standing=2, wandering=3, tables=1, rules={"time_limit": 6.0})
 
 

@@ -35,6 +35,8 @@ from sonata2d.record.shard_file import ShardWriter
 
 from .test_generate import QUICK, contents
 
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
 SETTINGS: dict[str, Any] = {"episodes": 25, "seed": 5}
 
 

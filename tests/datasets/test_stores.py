@@ -62,6 +62,13 @@ def endpoint() -> Iterator[str]:
         gc.collect()
 
 
+@pytest.fixture(scope="module")
+def two(endpoint: str) -> Iterator[s2.Workers]:
+    """Two processes that know the address of the server."""
+    with s2.Workers(2) as workers:
+        yield workers
+
+
 @pytest.fixture(params=["memory", "s3"])
 def store(request: pytest.FixtureRequest) -> str:
     """The URL of an empty folder."""
@@ -105,11 +112,11 @@ def test_a_data_set_in_a_store_has_the_same_bytes(store: str, local: dict[int | 
 
 
 @pytest.mark.parametrize("size", [None, SHARD])
-def test_processes_write_to_a_store(endpoint: str, local: dict[int | None, Path], size: int | None) -> None:
+def test_processes_write_to_a_store(two: s2.Workers, local: dict[int | None, Path], size: int | None) -> None:
     url = f"s3://sets/{uuid.uuid4().hex}"
-    s2.generate_dataset(url, QUICK, "straight-to-goal", shard_size=size, workers=2, **SETTINGS)
+    s2.generate_dataset(url, QUICK, "straight-to-goal", shard_size=size, workers=two, **SETTINGS)
     assert contents(url) == contents(local[size])
-    assert verify(url, workers=2) == []
+    assert verify(url, workers=two) == []
     assert not [name for name in file_names(location(url)) if name.startswith(".")]
 
 

@@ -18,6 +18,8 @@ from sonata2d.record.reader import read_episodes
 
 from .test_generate import QUICK
 
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
 EPISODES = 40
 
 

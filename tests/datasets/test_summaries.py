@@ -23,6 +23,8 @@ from sonata2d.record.counts import commands_beyond_limits, count_contacts
 from sonata2d.record.reader import read_episode
 from sonata2d.testing.controllers import check_controller
 
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
 CROWDED = s2.ScenarioConfig(
     name="crowded",
     humans=10,

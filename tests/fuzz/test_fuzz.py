@@ -20,6 +20,8 @@ from .runner import ALL, run_case
 from .samples import make_samples
 from .targets import KINDS, Refusal, imported, run, use_arguments
 
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
 CASES = 8  # of each kind
 
 

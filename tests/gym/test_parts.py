@@ -236,6 +236,7 @@ def test_a_policy_records_the_parts_that_it_reads() -> None:
     assert flat["humans"]["columns"][:3] == ["x m", "y m", "vx m/s"]
 
 
+@pytest.mark.usefixtures("kept_processes")
 def test_a_worker_process_knows_a_registered_part(tmp_path: Path) -> None:
     path, out = tmp_path / "policy.npz", tmp_path / "runs"
     write_mlp(path, perceptron(s2g.Flat(make())))

@@ -96,6 +96,7 @@ def test_metrics_file_is_not_an_episode_of_a_folder_without_manifest(dataset: Pa
     assert episode_files(tmp_path) == [tmp_path / "000000.json", tmp_path / "000001.json"]
 
 
+@pytest.mark.usefixtures("kept_processes")
 def test_number_of_workers_does_not_change_the_metrics(dataset: Path) -> None:
     files, done = episode_files(dataset), []
     assert measure_files(files, workers=2, advance=done.append) == measure_files(files)

@@ -18,6 +18,7 @@ from multiprocessing import current_process, parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.synchronize import Event
 from multiprocessing.util import Finalize
+from pathlib import Path
 from typing import Any
 
 from ...core.files import interruption
@@ -112,13 +113,14 @@ class Processes:
             if getattr(path, "protocol", None) == "memory":
                 raise WorkerError(f"{path} belongs to this process; use one worker (workers=1, --workers 1)")
         written_store = call.writes if is_remote(call.writes) else None
-        with marked(written_store) as mark, self._submitting(call.pickled(mark)) as submit:
+        with marked(written_store) as mark, self._submitting(call, mark) as submit:
             yield submit
 
     @contextmanager
-    def _submitting(self, pickled: bytes) -> Iterator[Callable[[Sequence[Any]], Future[Answer]]]:
+    def _submitting(self, call: Call, mark: Path | None) -> Iterator[Callable[[Sequence[Any]], Future[Answer]]]:
         with self._starting():
-            pool, stop = self._pool, self._stop
+            pool, stop, folder = self._pool, self._stop, os.getcwd()
+        pickled = call.pickled(mark, folder)
         unfinished: set[Future[Answer]] = set()
         end = threading.Timer(STOP_GRACE, self._kill)  # a controller may never return
         end.daemon = True

@@ -51,17 +51,18 @@ class Call:
     reads: Path | None = None
     writes: Path | None = None
 
-    def pickled(self, mark: Path | None = None) -> bytes:
+    def pickled(self, mark: Path | None = None, folder: str | None = None) -> bytes:
         """The call as it is sent to workers.
 
         Args:
             mark: an empty file. Workers stop when it disappears, because the program has ended its call; None: another
                 request stops them.
+            folder: the working folder of workers; None: the one they have.
 
         Raises:
             Sonata2dError: a registered object or a controller cannot be sent.
         """
-        return pickle.dumps((_THIS_PROCESS, registered_objects(), self, mark))
+        return pickle.dumps((_THIS_PROCESS, registered_objects(), self, mark, folder))
 
 
 @contextmanager
@@ -214,13 +215,15 @@ def _loaded(pickled: bytes) -> _Present:
     present: _Present | None = getattr(_thread, "present", None)
     if present is None or present.pickled != pickled:
         try:
-            process, registered, call, mark = pickle.loads(pickled)
+            process, registered, call, mark, folder = pickle.loads(pickled)
         except Exception as error:  # whatever the classes of others do
             raise _Refused(
                 f"(Python {platform.python_version()}) cannot load what it is sent: {described(error)}"
             ) from error
         if process != _THIS_PROCESS:  # threads of the program itself know its objects
             restore_registered(registered)
+        if folder is not None:
+            os.chdir(folder)
         present = _thread.present = _Present(pickled, call, mark)
         after_set_up()
     return present
