@@ -2,4 +2,7 @@
 
 import lazy_loader
 
+from .core import drawable as _drawable
+
+_drawable.display_module = f"{__name__}.view.notebook_views"
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -189,6 +189,9 @@ CONTROLLERS = Registry(
     ControllerError,
 )
 
+GYM_POLICY = "sonata2d.gym.policy:PolicyController"
+"""Location of the class of controllers that drive with a policy file of `sonata2d.gym`."""
+
 _MODELS = "sonata2d.agents.pedestrians.models"
 PEDESTRIAN_MODELS = Registry(
     "pedestrian model",

@@ -253,8 +253,9 @@ def test_wheels_contain_every_package_and_every_data_file() -> None:
 
 def test_import_is_silent_and_loads_no_heavy_package() -> None:
     heavy = {"numpy", "numba", "pymunk", "pygame", "pydantic", "yaml", "jinja2", "tqdm", "multiprocessing"}
-    heavy |= {"sonata2d.core"}
-    code = f"import sys, sonata2d; print(sorted({heavy} & set(sys.modules)))"
+    light = {"sonata2d", "sonata2d.core", "sonata2d.core.drawable"}
+    code = f"import sys, sonata2d; loaded = set(sys.modules); print(sorted({heavy} & loaded))\n"
+    code += f"assert {{name for name in loaded if name.startswith('sonata2d')}} == {light}"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
     assert done.stderr == ""

@@ -12,8 +12,8 @@ from typing import Any
 class Drawable:
     """Base class of objects that can be drawn; `sonata2d.view.drawing.drawing_of` has a function for each subclass.
 
-    `sonata2d.view` draws; it is imported by name when something is drawn, because neither a simulation nor a program
-    that reads data needs pygame.
+    The module that draws is imported when something is drawn, because neither a simulation nor a program that reads
+    data needs pygame.
     """
 
     __slots__ = ()
@@ -85,6 +85,10 @@ class Drawable:
         """The rows of the table in a notebook: values by name."""
 
 
+display_module = ""
+"""Name of the module that draws; the package sets it when it is imported, because core knows no package above it."""
+
+
 def display() -> Any:
-    """The module `sonata2d.view.notebook_views`, whose functions draw."""
-    return importlib.import_module("sonata2d.view.notebook_views")
+    """The module whose functions draw."""
+    return importlib.import_module(display_module)

@@ -62,8 +62,8 @@ class Entry(Settings):
         """The entry as the page gets it, in a language.
 
         Returns:
-            JSON with `name`, `required`, `question`, the name of a `renderer` of `web/static/questions.js`, and the
-            keys that the renderer needs.
+            JSON with `name`, `required`, `question`, the name of a `renderer` of the page, and the keys that the
+            renderer needs.
         """
         raise NotImplementedError
 
@@ -80,7 +80,7 @@ class Question(Entry):
             answers to `demographics` are.
     """
 
-    renderer: ClassVar[str] = "text"  # key of RENDERERS in web/static/questions.js
+    renderer: ClassVar[str] = "text"  # key of the RENDERERS of the page
     translated: ClassVar[tuple[str, ...]] = ("question",)  # keys whose values are texts
     remedies: ClassVar[Mapping[str, str]] = {}  # error messages by key that must be set
 

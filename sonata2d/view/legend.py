@@ -56,11 +56,6 @@ def english(name: str, **values: object) -> str:
     return TEXTS[name].format(**values)
 
 
-def _name_of(activity: str) -> str:
-    """The key in `TEXTS` of an activity."""
-    return activity.replace(" ", "_")
-
-
 _Wording = Callable[..., str]  # of a key of TEXTS, with values by keyword
 
 
@@ -175,7 +170,7 @@ def _entries(
     chassis, ignoring = partial(draw_chassis, r=_RADIUS), partial(_draw_pedestrian, ignores_robot=True)
     zones_size = 2 * (sum(_BODY) + PERSONAL_DISTANCE)
     rows: list[tuple[str, object, Callable[[Brush], None], float]] = [  # name, whether it is shown, symbol, its width
-        *((_name_of(a), a in present, partial(_draw_pedestrian, a, unmeasured), 2 * _RADIUS) for a in ACTIVITY),
+        *((a.replace(" ", "_"), a in present, partial(_draw_pedestrian, a, unmeasured), 2 * _RADIUS) for a in ACTIVITY),
         ("ignores", has_ignoring and has_robot, partial(ignoring, "standing", unmeasured), 2 * _RADIUS),
         ("gaze", layers.gaze and has_people and "heads" not in unmeasured, _draw_view, 1.0),
         ("robot", has_robot, partial(_turned, chassis), 2 * _RADIUS),

@@ -1,4 +1,4 @@
-"""Profiles of devices: the default controls in `controls.toml`, and the user's file of this name that changes them."""
+"""Profiles of devices: the default controls, and the file `controls.toml` of a user that changes them."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import platformdirs
 import pygame
 from pydantic import Field, ValidationError
 
-from ..agents.controllers.teleoperation import Axis, DeviceMapping
+from ..agents.controllers.teleoperation import DEFAULT_CONTROLS, DIRECTIONS, Axis, DeviceMapping, Direction
 from ..core.bounds import Fraction
 from ..errors import ConfigError
 from ..record.files import write_atomically
@@ -31,15 +30,9 @@ BUTTONS = (
     "dpad_up", "dpad_down", "dpad_left", "dpad_right", "misc1", "paddle1", "paddle2", "paddle3", "paddle4", "touchpad",
 )  # index: SDL's number  # fmt: skip
 
-_Direction = Literal["ahead", "back", "turn_left", "turn_right", "left", "right", "brake"]
-_DIRECTIONS: Mapping[_Direction, tuple[Axis, float]] = {
-    "ahead": ("ahead", 1.0), "back": ("ahead", -1.0), "turn_left": ("turn", 1.0), "turn_right": ("turn", -1.0),
-    "left": ("left", 1.0), "right": ("left", -1.0), "brake": ("brake", 1.0),
-}  # fmt: skip
 _FIXED = ("escape", "f12")  # keys of the menu and of screenshots, which every screen has
 _MOUSE = ("drag_x", "drag_y", "wheel_up", "wheel_down", "middle_button", "right_button")
 _NUMBERED = re.compile(r"(axis|button)\d+|hat\d+_[xy]")  # controls of devices without names in SDL
-_DEFAULTS = Path(__file__).with_name("controls.toml")
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +61,7 @@ class _DeviceSettings(Settings):
 
     dead_zone: Fraction | None = None
     curve: Fraction | None = None
-    drive: dict[str, _Direction] | None = None
+    drive: dict[str, Direction] | None = None
     actions: dict[str, Action] | None = None
 
     def profile(self, device: str, default: Profile) -> Profile:
@@ -81,7 +74,7 @@ class _DeviceSettings(Settings):
             for control in entries or ():
                 _require_control(device, control, f"{device}.{table}")
         base = default.mapping
-        controls = base.controls if self.drive is None else {c: _DIRECTIONS[d] for c, d in self.drive.items()}
+        controls = base.controls if self.drive is None else {c: DIRECTIONS[d] for c, d in self.drive.items()}
         actions = default.actions if self.actions is None else self.actions
         if device == "keyboard":
             actions = {"escape": Action.MENU, **actions}
@@ -107,7 +100,7 @@ class _FileSettings(Settings):
 def controls_file() -> Path:
     """Path of the file of controls: in the folder that the variable SONATA2D_CONFIG names, or in the user's own."""
     folder = os.environ.get(FOLDER_VARIABLE) or platformdirs.user_config_path("sonata2d", appauthor=False)
-    return Path(folder) / _DEFAULTS.name
+    return Path(folder) / DEFAULT_CONTROLS.name
 
 
 def read_profiles(path: Path | None = None) -> dict[str, Profile]:
@@ -147,7 +140,7 @@ def write_default_controls(path: Path | None = None) -> Path:
     path = path or controls_file()
     if path.exists():
         raise ConfigError(f"{path} exists; edit it, or delete it first")
-    write_atomically(path, _DEFAULTS.read_bytes())
+    write_atomically(path, DEFAULT_CONTROLS.read_bytes())
     return path
 
 
@@ -196,5 +189,5 @@ def _is_key(name: str) -> bool:
 
 
 DEFAULT_PROFILES: Mapping[str, Profile] = _profiles_in(
-    _DEFAULTS, dict.fromkeys(("keyboard", "mouse", "pad"), Profile(DeviceMapping({}), {}))
+    DEFAULT_CONTROLS, dict.fromkeys(("keyboard", "mouse", "pad"), Profile(DeviceMapping({}), {}))
 )

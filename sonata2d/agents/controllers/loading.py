@@ -29,13 +29,12 @@ from ...core.files.limits import MAX_WEIGHTS_BYTES
 from ...core.files.whole_file import whole_file
 from ...core.wording import described, one_line, shown
 from ...errors import ControllerError
-from ...registry import CONTROLLERS, resolve
+from ...registry import CONTROLLERS, GYM_POLICY, resolve
 from .base import Controller, recorded_path
 from .labelled import Labelled
 
 _WEIGHTS_SUFFIX = ".npz"
 _POLICY_SUFFIXES = (_WEIGHTS_SUFFIX, ".onnx")
-_GYM_POLICY = "sonata2d.gym.policy:PolicyController"
 
 
 @interruption.surroundings_kept()
@@ -93,7 +92,7 @@ def _policy_class(path: Path) -> Any:
     if path.suffix == _WEIGHTS_SUFFIX and not _is_perceptron(path):
         return CONTROLLERS.load("graph-policy")
     try:
-        return resolve(_GYM_POLICY)
+        return resolve(GYM_POLICY)
     except ModuleNotFoundError as error:
         raise ControllerError(f"{path.name} was trained with Gymnasium: {error}") from error
 

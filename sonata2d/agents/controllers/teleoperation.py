@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, Literal, Self
 
 from ...core.devices import NETWORK_DEVICE, DeviceEvent
@@ -16,6 +18,14 @@ from .base import Controller, Stop
 
 Axis = Literal["ahead", "left", "turn", "brake"]
 _AXES: tuple[Axis, ...] = ("ahead", "left", "turn", "brake")
+
+# Words of a file of controls.
+Direction = Literal["ahead", "back", "turn_left", "turn_right", "left", "right", "brake"]
+DIRECTIONS: Mapping[Direction, tuple[Axis, float]] = {
+    "ahead": ("ahead", 1.0), "back": ("ahead", -1.0), "turn_left": ("turn", 1.0), "turn_right": ("turn", -1.0),
+    "left": ("left", 1.0), "right": ("left", -1.0), "brake": ("brake", 1.0),
+}  # fmt: skip
+DEFAULT_CONTROLS = Path(__file__).with_name("controls.toml")
 
 # Ends the run as an event, so that the end is recorded and replayed like all other input.
 STOP = DeviceEvent("window", "stop", 1.0)
@@ -103,22 +113,13 @@ class DeviceMapping:
 
 
 DEFAULT_MAPPINGS: Mapping[str, DeviceMapping] = {
-    "keyboard": DeviceMapping(
-        {
-            "w": ("ahead", 1.0), "up": ("ahead", 1.0), "s": ("ahead", -1.0), "down": ("ahead", -1.0),
-            "a": ("turn", 1.0), "left": ("turn", 1.0), "d": ("turn", -1.0), "right": ("turn", -1.0),
-            "q": ("left", 1.0), "e": ("left", -1.0), "space": ("brake", 1.0),
-        }
-    ),
-    "mouse": DeviceMapping({"drag_y": ("ahead", -1.0), "drag_x": ("turn", -1.0)}, dead_zone=0.08),
-    "pad": DeviceMapping(
-        {
-            "left_y": ("ahead", -1.0), "left_x": ("turn", -1.0), "right_x": ("left", -1.0),
-            "axis1": ("ahead", -1.0), "axis0": ("turn", -1.0), "left_shoulder": ("brake", 1.0),
-        },
-        dead_zone=0.1, curve=0.3,
-    ),
-}  # fmt: skip
+    device: DeviceMapping(
+        {control: DIRECTIONS[word] for control, word in tables["drive"].items()},
+        tables.get("dead_zone", 0.0),
+        tables.get("curve", 0.0),
+    )
+    for device, tables in tomllib.loads(DEFAULT_CONTROLS.read_text("utf-8")).items()
+}
 
 
 class Teleoperation(Controller):

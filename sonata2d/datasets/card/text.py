@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 from ...record.layout import JsonDict
@@ -22,12 +22,9 @@ def template(name: str) -> Any:
 
     loader = PackageLoader(__package__, ".")
     environment = Environment(loader=loader, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
-    environment.filters |= {"inline": inline, "code": code, "cell": cell, "code_block": code_block, "json": _json}
+    environment.filters |= {"inline": inline, "code": code, "cell": cell, "code_block": code_block}
+    environment.filters["json"] = partial(json.dumps, ensure_ascii=False)
     return environment.get_template(name)
-
-
-def _json(value: object) -> str:
-    return json.dumps(value, ensure_ascii=False)
 
 
 def card_text(manifest: JsonDict, licence: str | None = None) -> str:

@@ -208,17 +208,21 @@ def _check_overlaps(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Findin
                 if thing.is_seat and k < len(scene.humans):
                     depth[record.states.activity[:, k] == _SITTING] = np.nan
                 yield from _worst_tick(depth, "objects", name, f"m too deep in {thing.type} {thing.id}")
-        offset = positions[:, k + 1 :] - position[:, None]
+        present = np.flatnonzero(np.isfinite(position[:, 0]))
         reach = minimum_distance + radii[k + 1 :] + shoulders[k] + shoulders[k + 1 :]
-        ticks, others = np.nonzero(lengths(offset) < reach)  # the outlines of the other pairs cannot touch
-        headings, others_headings = directions[ticks, k], directions[ticks, k + 1 + others]
+        near, others = np.nonzero(lengths(positions[present, k + 1 :] - position[present, None]) < reach)
+        ticks, others = present[near], others + k + 1  # the outlines of the other pairs cannot touch
         distance = shoulder_line_distances(
-            offset[ticks, others], headings, shoulders[k], others_headings, shoulders[k + 1 + others]
+            positions[ticks, others] - position[ticks],
+            directions[ticks, k],
+            shoulders[k],
+            directions[ticks, others],
+            shoulders[others],
         )
-        depths = np.full(offset.shape[:2], np.nan)
-        depths[ticks, others] = minimum_distance + radii[k + 1 + others] - distance
         for other in np.unique(others).tolist():
-            yield from _worst_tick(depths[:, other], "humans", name, f"m too deep in {names[k + 1 + other]}")
+            depth, close = np.full(len(position), np.nan), others == other
+            depth[ticks[close]] = minimum_distance + radii[other] - distance[close]
+            yield from _worst_tick(depth, "humans", name, f"m too deep in {names[other]}")
 
 
 def _check_presence(record: EpisodeRecord) -> Iterator[Finding]:
