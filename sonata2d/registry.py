@@ -327,8 +327,9 @@ def restore_registered(content: bytes) -> None:
     global _restored
     if content == _restored:  # as for the former item
         return
-    for kind, objects in pickle.loads(content).items() if content else ():
-        _REGISTRIES[kind].registered = {name: pickle.loads(item) for name, item in objects.items()}
+    objects = pickle.loads(content) if content else {}
+    for kind, registry in _REGISTRIES.items():  # those of a former call go
+        registry.registered = {name: pickle.loads(item) for name, item in objects.get(kind, {}).items()}
     _restored = content
 
 

@@ -61,7 +61,7 @@ def _two_processes() -> Iterator[Processes]:
 
 @pytest.fixture
 def kept_processes(_two_processes: Processes, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Work for two processes is done by two that all tests share: they take longer to start than to do it."""
+    """Work for two processes is done by two that all tests with this fixture share, as starting two takes longer."""
     submitting = Processes.submitting
 
     def submitting_to_kept(self: Processes, call: Call) -> AbstractContextManager[Callable[..., Future[Answer]]]:

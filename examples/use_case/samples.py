@@ -59,7 +59,7 @@ def load_samples(folder: Path, graph: str, *, workers: int = 2) -> Samples:
     Args:
         folder: of a data set; files that its split does not name belong to the training part.
         graph: `paper` or `modern`.
-        workers: number of processes.
+        workers: number of processes; with 1, this process does the work.
 
     Raises:
         ValueError: the split has a part that is not in `PARTS`.

@@ -86,7 +86,7 @@ class Drawable:
 
 
 display_module = ""
-"""Name of the module that draws; the package sets it when it is imported, because core knows no package above it."""
+"""Name of the module that draws. `sonata2d/__init__.py` sets it, because core names no package above itself."""
 
 
 def display() -> Any:

@@ -38,7 +38,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def sonata2d(here: Path, kept_processes: None) -> Run:
     """Runs the words of a command line, checks the exit code and returns the result.
 
-    Commands use one worker unless the line says otherwise: starting two takes longer than their work.
+    Commands use one worker unless the line says otherwise, and two are those that all tests share.
     """
     one_worker = {name: {"workers": 1} for name in ("generate", "check", "evaluate", "export", "mirror")}
 

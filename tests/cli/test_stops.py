@@ -132,8 +132,8 @@ def test_ctrl_c_while_the_workers_start_gives_no_traceback(here: Path, started_p
 
 
 def run_alone(line: str) -> subprocess.CompletedProcess[str]:
-    """Generate a data set in a process of its own."""
-    words = [sys.executable, "-m", "sonata2d_cli", *line.split(), "--no-picture"]
+    """Run the words of a command line in a process of its own."""
+    words = [sys.executable, "-m", "sonata2d_cli", *line.split()]
     return subprocess.run(words, capture_output=True, text=True, timeout=100)
 
 

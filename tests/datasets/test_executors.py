@@ -33,7 +33,6 @@ def is_large(result: tuple[int, int]) -> bool:
     return result[1] >= 20
 
 
-@pytest.mark.usefixtures("kept_processes")
 def test_calls_share_processes_and_each_call_has_its_own_function() -> None:
     with Workers(2) as workers:
         found = [
@@ -49,7 +48,6 @@ def test_calls_share_processes_and_each_call_has_its_own_function() -> None:
     assert [value for _, value in found[2]] == [100 * item for item in range(40)]  # in order
 
 
-@pytest.mark.usefixtures("kept_processes")
 def test_a_call_that_is_closed_early_leaves_the_processes_to_the_next_one() -> None:
     with Workers(2, task_size=4) as workers:
         endless = workers.results(Call(partial(multiplier, 1)), count(), None, in_order=False)

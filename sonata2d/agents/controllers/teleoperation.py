@@ -25,6 +25,7 @@ DIRECTIONS: Mapping[Direction, tuple[Axis, float]] = {
     "ahead": ("ahead", 1.0), "back": ("ahead", -1.0), "turn_left": ("turn", 1.0), "turn_right": ("turn", -1.0),
     "left": ("left", 1.0), "right": ("left", -1.0), "brake": ("brake", 1.0),
 }  # fmt: skip
+# The tables that drive, dead zones and curves say how recorded runs without mappings are read: they do not change.
 DEFAULT_CONTROLS = Path(__file__).with_name("controls.toml")
 
 # Ends the run as an event, so that the end is recorded and replayed like all other input.

@@ -14,11 +14,7 @@ _MAX_DEPTH = 10  # of compiled functions that call each other
 THREAD_GRACE = 1.0  # s, that a process waits at its end for threads that a controller has left running
 
 
-def _not_requested() -> bool:
-    return False
-
-
-_is_stop_requested: Callable[[], bool] = _not_requested
+_is_stop_requested: Callable[[], bool] = bool  # returns False
 _ignores_signals = False
 _received: KeyboardInterrupt | None = None
 

@@ -210,8 +210,9 @@ def _check_overlaps(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Findin
                 yield from _worst_tick(depth, "objects", name, f"m too deep in {thing.type} {thing.id}")
         present = np.flatnonzero(np.isfinite(position[:, 0]))
         reach = minimum_distance + radii[k + 1 :] + shoulders[k] + shoulders[k + 1 :]
+        # The outlines of the other pairs cannot touch.
         near, others = np.nonzero(lengths(positions[present, k + 1 :] - position[present, None]) < reach)
-        ticks, others = present[near], others + k + 1  # the outlines of the other pairs cannot touch
+        ticks, others = present[near], others + k + 1
         distance = shoulder_line_distances(
             positions[ticks, others] - position[ticks],
             directions[ticks, k],

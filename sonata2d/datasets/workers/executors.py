@@ -37,7 +37,8 @@ class Workers:
     """Processes of this machine, or any executor, that do the work of one or several calls.
 
     The bytes of data sets do not depend on it. A context manager: at its end the processes that it started end; an
-    executor that was given is left to the caller.
+    executor that was given is left to the caller. Processes work in the folder in which the program is when a call
+    begins.
 
     Args:
         executor: a number of processes, which start when they are first needed; with 1 the calling process does the

@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cached_property
 from multiprocessing import current_process, parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
@@ -118,9 +118,12 @@ class Processes:
 
     @contextmanager
     def _submitting(self, call: Call, mark: Path | None) -> Iterator[Callable[[Sequence[Any]], Future[Answer]]]:
-        with self._starting():
-            pool, stop, folder = self._pool, self._stop, os.getcwd()
+        folder = os.curdir
+        with suppress(OSError):  # it was removed
+            folder = os.getcwd()
         pickled = call.pickled(mark, folder)
+        with self._starting():
+            pool, stop = self._pool, self._stop
         unfinished: set[Future[Answer]] = set()
         end = threading.Timer(STOP_GRACE, self._kill)  # a controller may never return
         end.daemon = True

@@ -51,13 +51,13 @@ class Call:
     reads: Path | None = None
     writes: Path | None = None
 
-    def pickled(self, mark: Path | None = None, folder: str | None = None) -> bytes:
+    def pickled(self, mark: Path | None = None, folder: str = os.curdir) -> bytes:
         """The call as it is sent to workers.
 
         Args:
             mark: an empty file. Workers stop when it disappears, because the program has ended its call; None: another
                 request stops them.
-            folder: the working folder of workers; None: the one they have.
+            folder: absolute path of the working folder of workers; by default they keep theirs.
 
         Raises:
             Sonata2dError: a registered object or a controller cannot be sent.
@@ -216,14 +216,13 @@ def _loaded(pickled: bytes) -> _Present:
     if present is None or present.pickled != pickled:
         try:
             process, registered, call, mark, folder = pickle.loads(pickled)
-        except Exception as error:  # whatever the classes of others do
+            os.chdir(folder)
+        except Exception as error:  # whatever the classes of others do; or the folder is gone
             raise _Refused(
                 f"(Python {platform.python_version()}) cannot load what it is sent: {described(error)}"
             ) from error
         if process != _THIS_PROCESS:  # threads of the program itself know its objects
             restore_registered(registered)
-        if folder is not None:
-            os.chdir(folder)
         present = _thread.present = _Present(pickled, call, mark)
         after_set_up()
     return present
