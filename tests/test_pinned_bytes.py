@@ -1,6 +1,6 @@
-"""Digests of generated scenes and of episodes: a change of what a seed means is seen here.
+"""Digests of generated scenes and of episodes, and counts of a run: a change of what a seed means is seen here.
 
-`python -m tests.test_pinned_bytes` writes the digests anew; CONTRIBUTING.md says when that is allowed.
+`python -m tests.test_pinned_bytes` writes them anew; CONTRIBUTING.md says when that is allowed.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import orjson
 import pytest
 
 from sonata2d.agents.controllers.planner import SocialPlanner
+from sonata2d.agents.controllers.reactive import Orca
 from sonata2d.record.layout import scene_to_json
 from sonata2d.record.recorder import EpisodeRecorder
 from sonata2d.scenegen.generator import generate
@@ -58,12 +59,23 @@ def episode_digest(name: str) -> str:
     return hashlib.sha256(orjson.dumps(orjson.loads(recorder.document())["frames"])).hexdigest()
 
 
+COUNTED = {"contacts": ("lively", 1), "commands_beyond_limits": ("waiting-room", 2)}
+
+
+def counts_of(name: str, seed: int) -> dict[str, Any]:
+    """The counts of a run in its manifest row, with the controller `orca`."""
+    recorder = EpisodeRecorder()
+    Episode(generate(name, seed), Orca(), observers=[recorder]).run()
+    return recorder.record().counts()
+
+
 def digests() -> dict[str, Any]:
     """All digests, as the file holds them."""
     return {
         "physics": PHYSICS_VERSION,
         "scenes": {f"{name}, seed {seed}": scene_digest(name, seed) for name, seed in SCENES},
         "episodes": {name: episode_digest(name) for name in EPISODES},
+        "counts": {key: counts_of(*scene)[key] for key, scene in COUNTED.items()},
     }
 
 
@@ -85,6 +97,13 @@ def test_a_seed_gives_the_pinned_scene(name: str, seed: int) -> None:
 @pytest.mark.parametrize("name", EPISODES)
 def test_an_episode_has_the_pinned_frames(name: str) -> None:
     assert episode_digest(name) == pinned()["episodes"][name]
+
+
+def test_a_manifest_row_has_the_pinned_counts() -> None:
+    """`check` compares them with those of data sets that were made before."""
+    counts = {key: counts_of(*scene)[key] for key, scene in COUNTED.items()}
+    assert counts == pinned()["counts"]
+    assert [set(counts[key]) for key in COUNTED] == [{"any", "human"}, {"vx", "vy", "omega"}]
 
 
 if __name__ == "__main__":

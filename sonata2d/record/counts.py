@@ -58,8 +58,7 @@ def commands_beyond_limits(robot: Robot, command: Array) -> dict[str, dict[str, 
 
     Returns:
         By component (vx, vy, omega): number of frames, and the command that exceeds its limit most, with that limit;
-        vy and omega without signs, so that a mirror image has the same; vx is negative backwards. Components that stay
-        within their limits are left out.
+        without signs, so that a mirror image has the same. Components that stay within their limits are left out.
     """
     limits, sideways = robot.limits, robot.sideways_limit
     lower = np.array([-limits.back, -sideways, -limits.turn])
@@ -67,10 +66,11 @@ def commands_beyond_limits(robot: Robot, command: Array) -> dict[str, dict[str, 
     excess = np.maximum(command - upper, lower - command)
     excesses: dict[str, dict[str, float]] = {}
     for k in np.flatnonzero((excess > _LIMIT_TOLERANCE).any(axis=0)).tolist():
-        value = float(command[np.argmax(excess[:, k]), k])
-        limit = float(upper[k] if value > 0.0 else lower[k])
-        if COMMAND_NAMES[k] != "vx":
-            value, limit = abs(value), abs(limit)
-        frames = int(np.count_nonzero(excess[:, k] > _LIMIT_TOLERANCE))
-        excesses[COMMAND_NAMES[k]] = {"frames": frames, "command": value, "limit": limit}
+        worst = int(np.argmax(excess[:, k]))
+        value = float(command[worst, k])
+        excesses[COMMAND_NAMES[k]] = {
+            "frames": int(np.count_nonzero(excess[:, k] > _LIMIT_TOLERANCE)),
+            "command": abs(value),
+            "limit": abs(float(upper[k] if value > 0.0 else lower[k])),
+        }
     return excesses

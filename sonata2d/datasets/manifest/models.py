@@ -44,7 +44,7 @@ class CommandExcess(Part):
     """Commands of an episode in which one component exceeds its limit; the drive executes less."""
 
     frames: Count = Field(description="number of frames with such a command")
-    command: float = Field(description="m/s or rad/s, the command that exceeds the limit most; vy, omega: its size")
+    command: float = Field(description="m/s or rad/s, size of the command that exceeds the limit most")
     limit: float = Field(description="m/s or rad/s, the limit that it exceeds")
 
 
