@@ -129,7 +129,7 @@ def _meeting(trajectory: Trajectory, k: int) -> Meeting:
     entered, left = np.flatnonzero(trajectory.present[:, k])[[0, -1]].tolist()
     first, last = max(nearest - near, entered), min(nearest + near, left)
     moved = robot[last] - robot[first], human[last] - human[first]
-    angle = float(abs(np.arctan2(moved[0][0] * moved[1][1] - moved[0][1] * moved[1][0], (moved[0] * moved[1]).sum())))
+    angle = _angle(*moved)
     cross = moved[0][0] * offset[nearest][1] - moved[0][1] * offset[nearest][0]
     return Meeting(
         person=trajectory.scene.humans[k].id,
@@ -246,3 +246,8 @@ def _centres(members: Array, *, in_circle: bool) -> Array:
         if lengths(offset) < lengths(from_mean).max():  # otherwise the members stand in a line
             centres[index] += offset
     return centres
+
+
+def _angle(a: Array, b: Array) -> float:
+    """Angle between two vectors, 0 to pi, rad."""
+    return float(abs(np.arctan2(a[0] * b[1] - a[1] * b[0], (a * b).sum())))

@@ -116,6 +116,10 @@ def _appears(meeting: Meeting) -> bool:
     return is_sudden and meeting.clearance < _MEETING_CLEARANCE
 
 
+def _passes_a_door(meeting: Meeting) -> bool:
+    return meeting.door_width is not None
+
+
 def _crossing_a_group(encounter: Encounter) -> Verdict:
     for m in encounter.groups:
         if m.blocks_path and m.distance < m.radius + SOCIAL_DISTANCE / 2:
@@ -147,9 +151,7 @@ SITUATIONS: dict[str, Callable[[Encounter], Verdict]] = {
     "intersection": partial(_first_match, "crossed the robot's path", _crosses),
     "blind-corner": partial(_first_match, "came into sight at a short distance", _appears),
     "narrow-doorway": partial(
-        _first_match,
-        "came to a narrow doorway with the robot on the other side",
-        lambda meeting: meeting.door_width is not None,
+        _first_match, "came to a narrow doorway with the robot on the other side", _passes_a_door
     ),
     "crossing-a-group": _crossing_a_group,
     "joining-a-group": _joining_a_group,

@@ -54,7 +54,8 @@ def test_quiet_prints_results_only(sonata2d: Run, line: str) -> None:
     assert "episodes         2 of 2" in sonata2d(line.format("describe out")).output
 
 
-@pytest.mark.parametrize(("line", "workers"), [("-v {}", 2), ("{} --verbose", 1)])
+@pytest.mark.parametrize("line", ["-v {}", "{} --verbose"])
+@pytest.mark.parametrize("workers", [1, 2])
 def test_verbose_prints_each_step_of_all_processes(here: Path, line: str, workers: int) -> None:
     words = line.format(GENERATE.replace("--workers 1", f"--workers {workers}")).split()
     done = subprocess.run([sys.executable, "-m", "sonata2d_cli", *words], capture_output=True, text=True, check=True)

@@ -13,7 +13,6 @@ from typing import Any, NoReturn, TextIO
 _MAX_DEPTH = 10  # of compiled functions that call each other
 THREAD_GRACE = 1.0  # s, that a process waits at its end for threads that a controller has left running
 
-
 _is_stop_requested: Callable[[], bool] = bool  # returns False
 _ignores_signals = False
 _received: KeyboardInterrupt | None = None
@@ -128,10 +127,7 @@ def surroundings_kept() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    try:
-        folder = os.getcwd()
-    except OSError:  # it was removed
-        folder = os.curdir
+    folder = working_folder()
     streams = {name: (getattr(sys, name), _opening(getattr(sys, name))) for name in ("stdout", "stderr")}
     try:
         yield
@@ -140,6 +136,14 @@ def surroundings_kept() -> Iterator[None]:
             os.chdir(folder)
         for name, (stream, reopen) in streams.items():
             setattr(sys, name, reopen() if reopen is not None and stream.closed else stream)
+
+
+def working_folder() -> str:
+    """Absolute path of the working folder; `.` if the folder was removed."""
+    try:
+        return os.getcwd()
+    except OSError:
+        return os.curdir
 
 
 def _opening(stream: Any) -> Callable[[], TextIO] | None:

@@ -12,13 +12,12 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import cached_property
 from multiprocessing import current_process, parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.synchronize import Event
 from multiprocessing.util import Finalize
-from pathlib import Path
 from typing import Any
 
 from ...core.files import interruption
@@ -113,15 +112,12 @@ class Processes:
             if getattr(path, "protocol", None) == "memory":
                 raise WorkerError(f"{path} belongs to this process; use one worker (workers=1, --workers 1)")
         written_store = call.writes if is_remote(call.writes) else None
-        with marked(written_store) as mark, self._submitting(call, mark) as submit:
+        folder = interruption.working_folder()
+        with marked(written_store) as mark, self._submitting(call.pickled(mark, folder)) as submit:
             yield submit
 
     @contextmanager
-    def _submitting(self, call: Call, mark: Path | None) -> Iterator[Callable[[Sequence[Any]], Future[Answer]]]:
-        folder = os.curdir
-        with suppress(OSError):  # it was removed
-            folder = os.getcwd()
-        pickled = call.pickled(mark, folder)
+    def _submitting(self, pickled: bytes) -> Iterator[Callable[[Sequence[Any]], Future[Answer]]]:
         with self._starting():
             pool, stop = self._pool, self._stop
         unfinished: set[Future[Answer]] = set()
