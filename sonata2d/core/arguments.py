@@ -9,22 +9,41 @@ import operator
 from .wording import shown
 
 
-def positive_number(name: str, value: object) -> float:
+def finite_number(name: str, value: object, least: float = -math.inf) -> float:
     """A number that an argument must be.
 
     Args:
         name: of the argument.
-        value: what was given.
+        value: what was given, of any type of real numbers.
+        least: the smallest valid number.
+
+    Raises:
+        TypeError: it is no number.
+        ValueError: it is not finite, or too small.
+    """
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise TypeError(f"{name} must be a number, got {shown(value)}")
+    try:
+        number = float(value)
+    except OverflowError:  # of a huge int
+        number = math.inf
+    if not math.isfinite(number):
+        raise ValueError(f"{name} must be finite, got {shown(value)}")
+    if number < least:
+        raise ValueError(f"{name} must be {least:g} or more, got {shown(value)}")
+    return number
+
+
+def positive_number(name: str, value: object) -> float:
+    """A number above 0 that an argument must be.
 
     Raises:
         TypeError: it is no number.
         ValueError: it is not positive, or not finite.
     """
-    if isinstance(value, bool) or not isinstance(value, numbers.Real):
-        raise TypeError(f"{name} must be a number, got {shown(value)}")
-    number = float(value)
-    if not 0.0 < number < math.inf:
-        raise ValueError(f"{name} must be positive and finite, got {shown(value)}")
+    number = finite_number(name, value)
+    if number <= 0.0:
+        raise ValueError(f"{name} must be positive, got {shown(value)}")
     return number
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from .floats import make_floats
 from .relations import AT_LAPTOP, AT_OBJECT, AT_PLANT, Colour
 
 Point = tuple[float, float]
@@ -79,6 +80,7 @@ class FurnitureType:
     draw: Drawing | None = None
 
     def __post_init__(self) -> None:
+        make_floats(self)
         if self.count and (self.size is None or self.on is not None or "en" not in self.words):
             raise ValueError(
                 f"furniture of type {self.name!r} has the count {self.count!r}; it needs a size and an English word, "

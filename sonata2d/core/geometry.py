@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from .bounds import MAX_MAGNITUDE, Number, Positive
+from .floats import make_floats
 from .portable_math import Array, BoolArray, IntArray, unit_vector
 from .vectors import X, Y, lengths, wrap_angle
 
@@ -58,6 +59,10 @@ class Pose:
     y: Number
     theta: Number = 0.0
 
+    def __post_init__(self) -> None:
+        if not type(self.x) is type(self.y) is type(self.theta) is float:
+            make_floats(self)
+
     @property
     def position(self) -> Point:
         return self.x, self.y
@@ -75,13 +80,14 @@ class Pose:
         """
         x, y = point if isinstance(point, tuple) else (point.x, point.y)
         c, s = self.direction
-        dx, dy = x - self.x, y - self.y
+        dx, dy = float(x) - self.x, float(y) - self.y
         return dx * c + dy * s, dy * c - dx * s
 
     def to_world(self, point: HasXY | Point) -> Point:
         """Transform a point (ahead, left) from the body frame of this pose to the world frame, m."""
         ahead, left = point if isinstance(point, tuple) else (point.x, point.y)
         c, s = self.direction
+        ahead, left = float(ahead), float(left)
         return self.x + ahead * c - left * s, self.y + ahead * s + left * c
 
     def rounded(self) -> Pose:

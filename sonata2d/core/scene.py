@@ -14,6 +14,7 @@ import numpy as np
 from .bounds import Fraction, NotNegative, Positive, Steps
 from .drawable import Drawable
 from .entities import Door, EndsOn, Furniture, Goal, Group, Human, Interaction, Place, Queue, Robot, Wall
+from .floats import FloatFields
 from .geometry import Barriers, Edge, Point
 from .humans import HumanTable, activity_indices, frozen
 from .portable_math import Array, IntArray
@@ -100,7 +101,7 @@ Unmeasured = Literal["robot", "goal", "headings", "heads", "seed", "outcome"]
 
 
 @dataclass(frozen=True, repr=False)
-class Scene(Drawable):
+class Scene(FloatFields, Drawable):
     """The layout that an episode starts from, with all that determines its course apart from the controller.
 
     Attributes:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..core.floats import FloatFields
 from ..core.portable_math import Array, IntArray
 from ..core.relations import RELATIONS
 from ..errors import UnsuitableEpisode as UnsuitableEpisode
@@ -20,7 +21,7 @@ _STAMP_GRID = 2.0**30  # stamps are multiples of 1/_STAMP_GRID s: differences of
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class Options(FloatFields):
     """Options of an export or an import; each format uses some of them, see `Format.options`.
 
     Attributes:

@@ -21,6 +21,7 @@ from ..core.compiled.kernel import kernel, subroutine
 from ..core.compiled.packing import Ints, Ints2
 from ..core.compiled.scalar import clipped
 from ..core.entities import Furniture
+from ..core.floats import FloatFields
 from ..core.furniture_types import OBJECT_TYPES
 from ..core.geometry import Disc
 from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, X, Y
@@ -39,7 +40,7 @@ FARTHEST, FASTEST, FASTEST_TURN = 100.0, 20.0, 20.0  # m, m/s, rad/s: bounds of 
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class Column(FloatFields):
     """A column of a part.
 
     Attributes:

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 from ..core.compiled.kernel import kernel
 from ..core.compiled.scalar import length, to_shoulder_line
+from ..core.floats import FloatFields
 from ..core.humans import BODY_X, BODY_Y, X, Y
 from ..core.portable_math import Array
 from ..core.snapshot import Outcome, Snapshot
@@ -40,7 +41,7 @@ def human_clearance(snapshot: Snapshot) -> float:
 
 
 @dataclass(frozen=True)
-class Sparse:
+class Sparse(FloatFields):
     """A reward at the goal, a penalty at each contact, nothing else."""
 
     goal: float = 1.0
@@ -51,7 +52,7 @@ class Sparse:
 
 
 @dataclass(frozen=True)
-class Distance:
+class Distance(FloatFields):
     """Progress towards the goal, a reward there, and penalties for contacts, closeness to people and time.
 
     Attributes:
@@ -80,7 +81,7 @@ class Distance:
 
 
 @dataclass(frozen=True)
-class CrowdNav:
+class CrowdNav(FloatFields):
     """The reward of CADRL and CrowdNav: at the goal, at contacts, and for gaps to people below 0.2 m.
 
     Source: Y. Chen et al., ICRA 2017 (CADRL), eq. 3; C. Chen et al., ICRA 2019 (Crowd-Robot Interaction), eq. 2.
@@ -100,7 +101,7 @@ class CrowdNav:
 
 
 @dataclass(frozen=True)
-class Dsrnn:
+class Dsrnn(FloatFields):
     """The reward of DSRNN: at the goal, at contacts, for gaps to people below 0.25 m, and else for progress.
 
     Source: S. Liu et al., ICRA 2021 (Decentralized Structural-RNN), eq. 1.
@@ -124,7 +125,7 @@ class Dsrnn:
 
 
 @dataclass(frozen=True)
-class SocNavGym:
+class SocNavGym(FloatFields):
     """The DSRNN-like reward of SocNavGym, whose closeness counts below 0.6 m and per second.
 
     Its penalty outside the map is missing: the robot cannot leave the room.

@@ -19,6 +19,7 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 from gymnasium.wrappers import NormalizeObservation
 
+from ..core.arguments import finite_number, positive_number, whole_number
 from ..core.furniture_types import OBJECT_TYPES
 from ..core.portable_math import PI, unit_vectors
 from ..core.relations import ACTIVITIES, RELATIONS
@@ -213,12 +214,11 @@ class Noise(EpisodeWrapper):
     """
 
     def __init__(self, env: Env, position: float = 0.05, velocity: float = 0.05, angle: float = 0.05) -> None:
-        super().__init__(env, position=position, velocity=velocity, angle=angle)
+        given = {"position": position, "velocity": velocity, "angle": angle}
+        deviations = {name: finite_number(name, value, 0.0) for name, value in given.items()}
+        super().__init__(env, **deviations)
         self._parts()
-        for name, value in (("position", position), ("velocity", velocity), ("angle", angle)):
-            if not 0.0 <= value < math.inf:
-                raise ValueError(f"{name} must be a standard deviation of 0 or more, got {value!r}")
-        self._deviations = position, velocity, angle
+        self._deviations = tuple(deviations.values())
         self._depth = sum(isinstance(wrapper, Noise) for wrapper in wrappers_of(env))  # so that two noises differ
 
     def observation(self, observation: Observation) -> Observation:
@@ -265,12 +265,11 @@ class FieldOfView(EpisodeWrapper):
     def __init__(
         self, env: Env, angle: float = 2.0 * math.pi / 3.0, distance: float = 10.0, occlusion: bool = True
     ) -> None:
+        angle, distance = positive_number("angle", angle), positive_number("distance", distance)
+        if angle > 2.0 * math.pi:
+            raise ValueError(f"angle must be at most 2 pi, got {angle!r}")
         super().__init__(env, angle=angle, distance=distance, occlusion=occlusion)
         self._parts()
-        if not 0.0 < angle <= 2.0 * math.pi:
-            raise ValueError(f"angle must be above 0 and at most 2 pi, got {angle!r}")
-        if not 0.0 < distance < math.inf:
-            raise ValueError(f"distance must be positive and finite, got {distance!r}")
         if occlusion:
             self._require_rows("humans", "walls")
         self._cosine, self._distance, self._occlusion = math.cos(angle / 2.0), distance, occlusion
@@ -303,12 +302,9 @@ class Lidar(EpisodeWrapper):
     reads = frozenset({"humans", "objects", "walls"})
 
     def __init__(self, env: Env, rays: int = 72, distance: float = 10.0, keep: bool = False) -> None:
-        super().__init__(env, rays=rays, distance=distance, keep=keep)
-        if not (isinstance(rays, int | np.integer) and rays >= 1):
-            raise ValueError(f"rays must be an integer of 1 or more, got {rays!r}")
-        if not 0.0 < distance < math.inf:
-            raise ValueError(f"distance must be positive and finite, got {distance!r}")
-        space, self._distance = self._parts(), distance
+        rays, self._distance = whole_number("rays", rays, 1), positive_number("distance", distance)
+        super().__init__(env, rays=rays, distance=self._distance, keep=keep)
+        space = self._parts()
         self._require_rows("humans", "objects", "walls")
         parts = [part.name for part in self._base.encoder.parts if part.about <= {"robot", "goal"}]
         self._kept = tuple(space.spaces) if keep else tuple(parts)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..core.arguments import positive_number, whole_number
+from ..core.floats import make_floats
 from ..record.record import EpisodeRecord
 from .graph.graph import INTERVAL, Graph
 from .graph.modern import FRAMES, modern_graph
@@ -46,6 +47,7 @@ class GraphSamples:
             raise ValueError(f"kind must be modern or paper, got {self.kind!r}")
         if self.frame not in FRAMES:
             raise ValueError(f"frame must be one of {', '.join(FRAMES)}, got {self.frame!r}")
+        make_floats(self)
         positive_number("every", self.every)
         positive_number("interval", self.interval)
         whole_number("instants", self.instants, 1)

@@ -111,7 +111,7 @@ def save_film(
     side = _GIF_SIDE if _is_gif(path) else DEFAULT_SIDE
     camera = camera_for(scene, size=size, scale=scale, side=side, below=below)
     shown = _counted(snapshots, advance) if advance is not None else snapshots
-    samples = _sampled(shown, speed / fps, interpolate=interpolate)
+    samples = _sampled(shown, float(speed) / fps, interpolate=interpolate)
     painter = FilmPainter(scene, camera, layers, legend)
     _encode(path, _pictures(samples, painter, round(fps * _HOLD), caption, outcome), fps)
 
@@ -171,7 +171,7 @@ def _pace_of(path: Path, fps: float | None, speed: float) -> float:
     Raises:
         RenderError: fps or speed is out of range.
     """
-    fps = (10.0 if _is_gif(path) else 30.0) if fps is None else fps
+    fps = (10.0 if _is_gif(path) else 30.0) if fps is None else float(fps)
     if not (0.0 < fps <= 120.0 and 0.0 < speed < math.inf):
         raise RenderError(
             f"cannot film {fps:g} pictures per second at speed {speed:g}; "

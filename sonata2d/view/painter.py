@@ -73,7 +73,7 @@ class Painter:
         if camera is None:
             # without a recorded robot there is nothing to follow
             if view == "follow" and "robot" not in self._scene.unmeasured:
-                robot, far = snapshot.robot, view_range / zoom
+                robot, far = snapshot.robot, float(view_range) / float(zoom)
                 camera = Camera.behind(robot.position, robot.direction, size=surface.get_size(), view_range=far)
             else:
                 camera, is_fixed = camera_for(self._scene, size=surface.get_size()), zoom <= 1.0

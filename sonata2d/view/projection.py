@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from ..core.floats import FloatFields
 from ..core.geometry import Point
 from ..errors import RenderError
 
@@ -15,7 +16,7 @@ _DEFAULT_SCALE, DEFAULT_SIDE = 80.0, 1000.0  # px/m; px, the side that the defau
 
 
 @dataclass(frozen=True, slots=True)
-class Camera:
+class Camera(FloatFields):
     """A view straight down on a rectangle of the plane.
 
     Attributes:
@@ -54,11 +55,12 @@ class Camera:
         Raises:
             RenderError: `points` is empty, or a side of the picture is outside 16 to 6000 px.
         """
-        x0, x1, y0, y1 = _bounds(points)
-        wide, high = x1 - x0 + 2 * margin, y1 - y0 + 2 * margin
+        x0, x1, y0, y1 = map(float, _bounds(points))
+        wide, high = x1 - x0 + 2 * float(margin), y1 - y0 + 2 * float(margin)
         if scale is None:
             available = size or (side, side)
             scale = min(available[0] / wide, available[1] / high, math.inf if size else _DEFAULT_SCALE)
+        scale = float(scale)
         width, height = size or (math.ceil(wide * scale), math.ceil(high * scale))
         require_drawable((width, height), scale)
         return cls(scale, (x0 + x1 - width / scale) / 2, (y0 + y1 + height / scale) / 2, (width, height))
@@ -76,10 +78,11 @@ class Camera:
         Raises:
             RenderError: a side is outside 16 to 6000 px, or view_range is not a positive number.
         """
+        view_range = float(view_range)
         scale = _DOWN * size[1] / view_range if view_range else 0.0
         require_drawable(size, scale)
-        (ux, uy), half_width = direction, size[0] / 2 / scale
-        left, top = place[0] + view_range * ux - half_width * uy, place[1] + view_range * uy + half_width * ux
+        (x, y), (ux, uy), half_width = map(float, place), map(float, direction), size[0] / 2 / scale
+        left, top = x + view_range * ux - half_width * uy, y + view_range * uy + half_width * ux
         return cls(scale, left, top, size, direction)
 
     def to_pixels(self, point: Point) -> Point:
@@ -105,6 +108,7 @@ class Camera:
             centre: world point that the view is centred on, as far as the view stays inside the area that was visible
                 before; ignored for factors up to 1.
         """
+        factor = float(factor)
         width, height = self.size[0] / self.scale, self.size[1] / self.scale
         if factor <= 1.0:  # everything stays visible, in the middle of the picture
             centre = self.left + width / 2, self.top - height / 2

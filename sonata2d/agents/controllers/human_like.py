@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any, Self
 
+from ...core.arguments import finite_number
 from ...core.entities import Robot
 from ...core.geometry import Twist
 from ...core.portable_math import exp_of
@@ -64,10 +65,8 @@ class HumanLike(Controller):
     ) -> None:
         if inner is not None and not isinstance(inner, Controller):
             raise TypeError(f"the inner controller must be an object of a Controller class, got {shown(inner)}")
-        for name, value in (("delay", delay), ("lag", lag), ("noise", noise)):
-            if not 0.0 <= value < math.inf:
-                raise ValueError(f"{name} must be finite and not negative, got {value}")
-        self.delay, self.lag, self.noise, self.labels_intention = delay, lag, noise, labels_intention
+        self.delay, self.lag = finite_number("delay", delay, 0.0), finite_number("lag", lag, 0.0)
+        self.noise, self.labels_intention = finite_number("noise", noise, 0.0), labels_intention
         self._inner = inner or SocialPlanner()
         self.image, self.deterministic = self._inner.image, self._inner.deterministic
         self.labels = {"intention": _INTENTION_MEANING} if labels_intention else self._inner.labels

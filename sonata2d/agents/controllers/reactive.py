@@ -8,6 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from ...core.arguments import finite_number
 from ...core.compiled.packing import zeros
 from ...core.geometry import Point, Twist
 from ...core.navigation import FreeSpace
@@ -34,7 +35,7 @@ class StraightToGoal(Controller):
     version = "1"
 
     def __init__(self, speed: float = 0.8, gain: float = 2.0) -> None:
-        self.speed, self.gain = speed, gain
+        self.speed, self.gain = finite_number("speed", speed), finite_number("gain", gain)
 
     def act(self, snapshot: Snapshot) -> Twist:
         robot, goal = snapshot.robot, snapshot.goal
@@ -62,7 +63,7 @@ class SocialForce(Controller):
     def __init__(self, speed: float = 0.9, gain: float = 2.0, model: str = "moussaid2009") -> None:
         if model not in PEDESTRIAN_MODELS:
             raise ValueError(PEDESTRIAN_MODELS.unknown(model))
-        self.speed, self.gain, self.model = speed, gain, model
+        self.speed, self.gain, self.model = finite_number("speed", speed), finite_number("gain", gain), model
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:

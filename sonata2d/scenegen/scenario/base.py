@@ -143,6 +143,7 @@ class _Interval:
         """Convert each accepted form to a mapping of fields."""
         if isinstance(value, ArgsKwargs):
             return dict(zip(("min", "max", "step"), value.args, strict=False)) | (value.kwargs or {})
+        value = value.tolist() if hasattr(value, "tolist") else value  # of NumPy
         if isinstance(value, list | tuple) and len(value) == 2:
             return {"min": value[0], "max": value[1]}
         if isinstance(value, int | float) and not isinstance(value, bool):
