@@ -53,13 +53,13 @@ def describe(env: Env) -> dict[str, Any]:
         "sizes": asdict(base.encoder.sizes),
         "entities": asdict(base.entities),
         "order": base.encoder.order,
-        "parts": {part.name: part.record() for part in base.encoder.parts if part.name in _parts_read(env)},
+        "parts": {part.name: part.record() for part in base.encoder.parts if part.name in parts_read(env)},
         "robot": {"kinematics": robot.kinematics, "limits": asdict(robot.limits)},
         "wrappers": wrappers,
     }
 
 
-def _parts_read(env: Env) -> set[str]:
+def parts_read(env: Env) -> set[str]:
     """The names of the parts on which the observation of an environment depends.
 
     A part that `Flat` or `Lidar` leaves out, and that no wrapper reads, does not count.
@@ -93,7 +93,7 @@ def environment_of(description: Mapping[str, Any], scenario: str | ScenarioConfi
         sizes = asdict(Sizes(**description["sizes"]))
         further = [name for name in description["parts"] if name not in {part.name for part in STANDARD}]
         base = SocialNavEnv(scenario, settings=robot, sizes=sizes, order=description["order"], parts=further)
-        base.entities = Sizes(**description["entities"])  # which the wrappers require rows for
+        base.entities = Sizes(**description["entities"])  # for the warning of scenes with more
         env: Env = base
         for wrapper in description["wrappers"]:
             env = _WRAPPERS[wrapper["name"]](env, **wrapper["arguments"])

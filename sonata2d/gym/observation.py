@@ -137,6 +137,8 @@ class Encoder:
         parts: of the observations.
         space: of the observations.
         rows: the entities in the rows of the last observation.
+        objects: (M, 2), centres of the furniture of the scene, m, world frame.
+        walls: (W, 4), both ends of the walls of the scene, m, world frame.
     """
 
     def __init__(self, sizes: Sizes, order: Order = "nearest", parts: Iterable[str] = ()) -> None:
@@ -158,7 +160,8 @@ class Encoder:
     def reset(self, scene: Scene) -> None:
         """Begin an episode."""
         objects = np.array([piece.pose.position for piece in scene.furniture], dtype=float).reshape(-1, 2)
-        self._scene = Packed(_Scene(objects, wall_ends(scene), self.rows, self.order == "nearest"))
+        self.objects, self.walls = objects, wall_ends(scene)
+        self._scene = Packed(_Scene(self.objects, self.walls, self.rows, self.order == "nearest"))
         self._everybody = np.ones(len(scene.humans), dtype=bool)
         ids = [*(human.id for human in scene.humans), *(piece.id for piece in scene.furniture)]
         self._index = {entity: k for k, entity in enumerate(ids)}

@@ -21,7 +21,7 @@ from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..core.wording import described, one_line, shown
 from ..errors import ControllerError
-from .description import describe, environment_of, require_parts
+from .description import describe, environment_of, parts_read, require_parts
 from .env import Env
 from .mlp import Mlp, read_mlp
 from .pipeline import Pipeline
@@ -83,7 +83,7 @@ class PolicyController(LearnedController):
                     env = environment_of(describe(env))  # so that both can be used at the same time
         except ValueError as error:
             raise ControllerError(f"{self._path} cannot be used: {error}") from error
-        self._pipeline, self._has_warned = Pipeline(env), False
+        self._pipeline, self._parts_read, self._has_warned = Pipeline(env), parts_read(env), False
         is_discrete = isinstance(env.action_space, gymnasium.spaces.Discrete)
         self._predict = _predict_of(policy, normalisation, is_discrete=is_discrete)
         self._require_spaces(env)
@@ -150,7 +150,7 @@ class PolicyController(LearnedController):
         for name, count in (("humans", len(scene.humans)), ("objects", len(scene.furniture))):
             base = self._pipeline.base
             rows, trained = (getattr(sizes, name) for sizes in (base.encoder.sizes, base.entities))
-            if count > rows >= trained and not self._has_warned:
+            if name in self._parts_read and count > rows >= trained and not self._has_warned:
                 self._has_warned = True
                 logging.getLogger(__name__).warning(
                     "the policy observes the nearest %d of the %d %s: the scenes of its training had no more",

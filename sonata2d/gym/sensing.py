@@ -1,4 +1,4 @@
-"""The robot's field of view and lidar, computed from the rows of an observation."""
+"""The robot's field of view and lidar, computed from the state of the world."""
 
 from __future__ import annotations
 
@@ -6,94 +6,109 @@ import math
 
 from ..core.compiled.kernel import kernel, subroutine
 from ..core.compiled.scalar import length
-from ..core.portable_math import Array, BoolArray
-from .parts import Humans, Objects, places
-
-_X, _Y, _COS, _SIN, _RADIUS, _SHOULDER = places(Humans, "x", "y", "cos", "sin", "radius", "shoulder")
-_LENGTH, _WIDTH, _IS_DISC, _OBJECT_COS, _OBJECT_SIN = places(Objects, "length", "width", "is_disc", "cos", "sin")
+from ..core.humans import BODY_X, BODY_Y, X, Y
+from ..core.portable_math import Array, BoolArray, IntArray
+from ..core.state import HUMAN_SIZE, ROBOT_SIZE
 
 
 @kernel
 def visible(
-    humans: Array, objects: Array, walls: Array, cosine: float, distance: float, occlusion: bool, is_seen: BoolArray
-) -> None:
+    row: Array, is_present: BoolArray, radius: Array, shoulder: Array, objects: Array, walls: Array,
+    human_rows: IntArray, object_rows: IntArray, cosine: float, distance: float, occlusion: bool, is_seen: BoolArray,
+) -> None:  # fmt: skip
     """Mark the entities that the robot sees; all others become unseen.
 
     Args:
-        humans, objects, walls: rows of an observation.
+        row: of a `State` with N pedestrians.
+        is_present: (N,), pedestrians that are in the room.
+        radius, shoulder: (N,), of their bodies, m.
+        objects: (M, 2), centres, m, world frame.
+        walls: (W, 4), both ends, m, world frame.
+        human_rows, object_rows: (H,) and (O,), the entity of each row of the observation; -1 for empty rows.
         cosine: of half the angle of the field of view.
         distance: m.
         occlusion: whether walls and pedestrians hide others.
-        is_seen: (H + M,), true for rows that are not empty; false is written for entities that are not seen.
+        is_seen: (H + O,), true for rows that can be seen; false is written for entities that are not seen.
     """
-    count = len(humans)
-    is_there = is_seen.copy()
+    x, y, ahead_x, ahead_y = row[X], row[Y], row[BODY_X], row[BODY_Y]
     for k in range(len(is_seen)):
-        if not is_there[k]:
+        if not is_seen[k]:
             continue
         is_seen[k] = False
-        itself = k if k < count else -1  # a pedestrian does not hide itself
+        itself = human_rows[k] if k < len(human_rows) else -1  # a pedestrian does not hide itself
         for end in range(-1, 2):
             # A pedestrian is seen if its centre or an end of its shoulder line is, an object if its centre is.
-            if k < count:
-                x = humans[k, _X] - end * humans[k, _SHOULDER] * humans[k, _SIN]
-                y = humans[k, _Y] + end * humans[k, _SHOULDER] * humans[k, _COS]
+            if itself >= 0:
+                at = ROBOT_SIZE + HUMAN_SIZE * itself
+                side = end * shoulder[itself]
+                dx, dy = row[at + X] - side * row[at + BODY_Y] - x, row[at + Y] + side * row[at + BODY_X] - y
             else:
-                x, y = objects[k - count, _X], objects[k - count, _Y]
-            away = length(x, y)
-            if away > distance or x < cosine * away:
+                piece = object_rows[k - len(human_rows)]
+                dx, dy = objects[piece, 0] - x, objects[piece, 1] - y
+            away = length(dx, dy)
+            if away > distance or dx * ahead_x + dy * ahead_y < cosine * away:
                 continue
-            ux, uy, is_hidden = x / max(away, 1e-9), y / max(away, 1e-9), False
+            ux, uy, is_hidden = dx / max(away, 1e-9), dy / max(away, 1e-9), False
             for w in range(len(walls) if occlusion else 0):
-                hit = _range_to_line(ux, uy, walls[w, 0], walls[w, 1], walls[w, 2], walls[w, 3])
-                is_hidden = is_hidden or hit < away
-            for j in range(count if occlusion else 0):
-                if is_there[j] and j != itself and not is_hidden:
-                    is_hidden = _range_to_body(humans, j, ux, uy) < away
+                ax, ay, bx, by = walls[w, 0] - x, walls[w, 1] - y, walls[w, 2] - x, walls[w, 3] - y
+                is_hidden = is_hidden or _range_to_line(ux, uy, ax, ay, bx, by) < away
+            for j in range(len(is_present) if occlusion else 0):
+                if is_present[j] and j != itself and not is_hidden:
+                    is_hidden = _range_to_body(row, j, radius[j], shoulder[j], ux, uy) < away
             if not is_hidden:
                 is_seen[k] = True
 
 
 @kernel
-def measure_ranges(humans: Array, objects: Array, walls: Array, directions: Array, ranges: Array) -> None:
-    """Shorten the ranges of rays from the origin, m, to the nearest outline in their directions.
+def measure_ranges(
+    row: Array, is_present: BoolArray, radius: Array, shoulder: Array, barriers: Array, directions: Array, ranges: Array
+) -> None:
+    """Shorten the ranges of rays from the centre of the robot, m, to the nearest outline in their directions.
 
     Args:
-        humans, objects, walls: rows of an observation.
-        directions: (R, 2), unit vectors.
+        row: of a `State` with N pedestrians.
+        is_present: (N,), pedestrians that are in the room.
+        radius, shoulder: (N,), of their bodies, m.
+        barriers: (M, 5), both ends and radius of thick segments, m, world frame.
+        directions: (R, 2), unit vectors, in the robot's frame.
         ranges: (R,), m, is updated.
     """
+    x, y, c, s = row[X], row[Y], row[BODY_X], row[BODY_Y]
     for r in range(len(directions)):
-        ux, uy, nearest = directions[r, 0], directions[r, 1], ranges[r]
-        for w in range(len(walls)):
-            nearest = min(nearest, _range_to_line(ux, uy, walls[w, 0], walls[w, 1], walls[w, 2], walls[w, 3]))
-        for k in range(len(humans)):
-            nearest = min(nearest, _range_to_body(humans, k, ux, uy))
-        for k in range(len(objects)):
-            x, y, a, b = objects[k, _X], objects[k, _Y], 0.5 * objects[k, _LENGTH], 0.5 * objects[k, _WIDTH]
-            if objects[k, _IS_DISC] > 0.5:
-                nearest = min(nearest, _range_to_disc(ux, uy, x, y, a))
-                continue
-            c, s = objects[k, _OBJECT_COS], objects[k, _OBJECT_SIN]
-            for side in (-1.0, 1.0):
-                lx, ly, wx, wy = a * c, a * s, -b * s * side, b * c * side
-                nearest = min(nearest, _range_to_line(ux, uy, x + wx - lx, y + wy - ly, x + wx + lx, y + wy + ly))
-                lx, ly, wx, wy = a * c * side, a * s * side, -b * s, b * c
-                nearest = min(nearest, _range_to_line(ux, uy, x + lx - wx, y + ly - wy, x + lx + wx, y + ly + wy))
+        ahead, left, nearest = directions[r, 0], directions[r, 1], ranges[r]
+        ux, uy = ahead * c - left * s, ahead * s + left * c
+        for w in range(len(barriers)):
+            wall = barriers[w]
+            ax, ay, bx, by = wall[0] - x, wall[1] - y, wall[2] - x, wall[3] - y
+            nearest = min(nearest, _range_to_capsule(ux, uy, ax, ay, bx, by, wall[4]))
+        for k in range(len(is_present)):
+            if is_present[k]:
+                nearest = min(nearest, _range_to_body(row, k, radius[k], shoulder[k], ux, uy))
         ranges[r] = nearest
 
 
 @subroutine
-def _range_to_body(humans: Array, k: int, ux: float, uy: float) -> float:
-    """Range of a ray from the origin to the outline of pedestrian k, m."""
-    x, y, c, s = humans[k, _X], humans[k, _Y], humans[k, _COS], humans[k, _SIN]
-    radius, shoulder = humans[k, _RADIUS], humans[k, _SHOULDER]
-    sx, sy, nearest = -s * shoulder, c * shoulder, math.inf
-    for side in (-1.0, 1.0):
-        nearest = min(nearest, _range_to_disc(ux, uy, x + sx * side, y + sy * side, radius))
-        fx, fy = x + c * radius * side, y + s * radius * side
-        nearest = min(nearest, _range_to_line(ux, uy, fx - sx, fy - sy, fx + sx, fy + sy))
-    return nearest
+def _range_to_body(row: Array, k: int, radius: float, shoulder: float, ux: float, uy: float) -> float:
+    """Range of a ray from the robot's centre to the outline of pedestrian k, m."""
+    at = ROBOT_SIZE + HUMAN_SIZE * k
+    dx, dy = row[at + X] - row[X], row[at + Y] - row[Y]
+    sx, sy = -row[at + BODY_Y] * shoulder, row[at + BODY_X] * shoulder
+    return _range_to_capsule(ux, uy, dx - sx, dy - sy, dx + sx, dy + sy, radius)
+
+
+@subroutine
+def _range_to_capsule(ux: float, uy: float, ax: float, ay: float, bx: float, by: float, radius: float) -> float:
+    """Range of a ray from the origin to all points within a radius of the line between two points, m."""
+    if radius == 0.0:
+        return _range_to_line(ux, uy, ax, ay, bx, by)
+    nearest = min(_range_to_disc(ux, uy, ax, ay, radius), _range_to_disc(ux, uy, bx, by, radius))
+    along_x, along_y = bx - ax, by - ay
+    distance = length(along_x, along_y)
+    if distance == 0.0:
+        return nearest
+    nx, ny = -along_y * radius / distance, along_x * radius / distance
+    nearest = min(nearest, _range_to_line(ux, uy, ax + nx, ay + ny, bx + nx, by + ny))
+    return min(nearest, _range_to_line(ux, uy, ax - nx, ay - ny, bx - nx, by - ny))
 
 
 @subroutine

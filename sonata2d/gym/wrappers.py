@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
 from typing import Any, ClassVar
 
 import gymnasium
@@ -21,7 +20,7 @@ from gymnasium.wrappers import NormalizeObservation
 
 from ..core.arguments import finite_number, positive_number, whole_number
 from ..core.furniture_types import OBJECT_TYPES
-from ..core.portable_math import PI, unit_vectors
+from ..core.portable_math import PI, Array, BoolArray, unit_vectors
 from ..core.relations import ACTIVITIES, RELATIONS
 from ..core.wording import one_line
 from ..registry import did_you_mean
@@ -94,19 +93,11 @@ class EpisodeWrapper(gymnasium.ObservationWrapper[Any, Any, Any], RecordConstruc
                 )
         return space
 
-    def _require_rows(self, *names: str) -> None:
-        """Require a row for each entity of some kinds, because entities without a row would hide nothing.
-
-        Raises:
-            ValueError: there are fewer rows than the scenario may have entities.
-        """
-        rows, needed = asdict(self._base.encoder.sizes), asdict(self._base.entities)
-        for name in names:
-            if rows[name] < needed[name]:
-                raise ValueError(
-                    f"{type(self).__name__} needs rows of all {name}, because they hide what is behind them: "
-                    f"sizes[{name!r}] is {rows[name]}, the scenario has up to {needed[name]}; leave out this size"
-                )
+    def _bodies(self) -> tuple[Array, BoolArray, Array, Array]:
+        """Of the present state: its row, and who is in the room, (N,); radius and shoulder of all pedestrians, (N,)."""
+        state, table = self._base.snapshot.state, self._base.scene.human_table
+        is_present = np.ones(len(table.id), dtype=bool) if state.is_present is None else state.is_present
+        return state.row, is_present, table.radius, table.shoulder
 
     @property
     def _base(self) -> SocialNavEnv:
@@ -249,9 +240,9 @@ class FieldOfView(EpisodeWrapper):
     """A field of view: only pedestrians and furniture that the robot sees have rows; walls and the goal are known.
 
     An entity is seen if its centre, or one of the ends of a pedestrian's shoulders, is within angle and distance, and
-    neither a wall nor another pedestrian is in between. Furniture hides nothing: people see over it. Interactions are
-    observed if both sides are. The rows of hidden entities are cleared in every part that has rows of them, and derived
-    parts are computed from the rows that remain.
+    neither a wall nor another pedestrian is in between, whether these have rows or not. Furniture hides nothing: people
+    see over it. Interactions are observed if both sides are. The rows of hidden entities are cleared in every part that
+    has rows of them, and derived parts are computed from the rows that remain.
 
     Args:
         env: with the dictionary of `SocialNavEnv`.
@@ -259,8 +250,6 @@ class FieldOfView(EpisodeWrapper):
         distance: within which entities are seen, m.
         occlusion: whether walls and pedestrians hide what is behind them.
     """
-
-    reads = frozenset({"humans", "objects", "walls"})
 
     def __init__(
         self, env: Env, angle: float = 2.0 * math.pi / 3.0, distance: float = 10.0, occlusion: bool = True
@@ -270,17 +259,17 @@ class FieldOfView(EpisodeWrapper):
             raise ValueError(f"angle must be at most 2 pi, got {angle!r}")
         super().__init__(env, angle=angle, distance=distance, occlusion=occlusion)
         self._parts()
-        if occlusion:
-            self._require_rows("humans", "walls")
         self._cosine, self._distance, self._occlusion = math.cos(angle / 2.0), distance, occlusion
 
     def observation(self, observation: Observation) -> Observation:
         result = {name: part.copy() for name, part in observation.items()}
-        humans, objects, walls = (observation[name].astype(float) for name in ("humans", "objects", "walls"))
+        encoder, count = self._base.encoder, len(observation["humans"])
         is_seen = np.concatenate((observation["humans_mask"], observation["objects_mask"])) > 0.0
-        wall_count = int(observation["walls_mask"].sum()) if self._occlusion else 0
-        visible(humans, objects, walls[:wall_count], self._cosine, self._distance, self._occlusion, is_seen)
-        self._base.encoder.hide(result, is_seen[: len(humans)], is_seen[len(humans) :])
+        visible(
+            *self._bodies(), encoder.objects, encoder.walls, encoder.rows.humans, encoder.rows.objects, self._cosine,
+            self._distance, self._occlusion, is_seen,
+        )  # fmt: skip
+        encoder.hide(result, is_seen[:count], is_seen[count:])
         return result
 
 
@@ -289,23 +278,21 @@ class Lidar(EpisodeWrapper):
 
     The parts about robot and goal only stay.
 
-    The rays end at walls, furniture and pedestrians; the first one points straight ahead, the others follow
+    The rays end at all walls, pieces of furniture on the floor, and pedestrians in the room, whether these have rows
+    or not; so `Noise` and `FieldOfView` change no range. The first ray points straight ahead, the others follow
     counter-clockwise at equal angles.
 
     Args:
-        env: with the dictionary of `SocialNavEnv`; the rays end at the walls, objects and pedestrians that have rows.
+        env: with the dictionary of `SocialNavEnv`.
         rays: their number.
         distance: range, m, which is also the value of a ray that meets nothing.
         keep: whether the other parts of the observation stay.
     """
 
-    reads = frozenset({"humans", "objects", "walls"})
-
     def __init__(self, env: Env, rays: int = 72, distance: float = 10.0, keep: bool = False) -> None:
         rays, self._distance = whole_number("rays", rays, 1), positive_number("distance", distance)
         super().__init__(env, rays=rays, distance=self._distance, keep=keep)
         space = self._parts()
-        self._require_rows("humans", "objects", "walls")
         parts = [part.name for part in self._base.encoder.parts if part.about <= {"robot", "goal"}]
         self._kept = tuple(space.spaces) if keep else tuple(parts)
         self._directions = unit_vectors(np.arange(rays, dtype=float) * (2.0 * PI / rays))
@@ -313,12 +300,8 @@ class Lidar(EpisodeWrapper):
         self.observation_space = spaces.Dict({**{name: space[name] for name in self._kept}, "lidar": box})
 
     def observation(self, observation: Observation) -> Observation:
-        humans, objects, walls = (
-            observation[name][observation[f"{name}_mask"] > 0.0].astype(float)
-            for name in ("humans", "objects", "walls")
-        )
         ranges = np.full(len(self._directions), self._distance)
-        measure_ranges(humans, objects, walls, self._directions, ranges)
+        measure_ranges(*self._bodies(), self._base.scene.barriers.table, self._directions, ranges)
         return {**{name: observation[name] for name in self._kept}, "lidar": ranges.astype(np.float32)}
 
 

@@ -230,7 +230,7 @@ def test_a_policy_records_the_parts_that_it_reads() -> None:
     assert set(describe(s2g.Flat(make(), keys=["goal", "plugin_gap"]))["parts"]) == {
         "goal", "plugin_gap", "robot", "humans", "activities",
     }  # fmt: skip
-    assert set(describe(s2g.Flat(s2g.Lidar(make())))["parts"]) == {"robot", "goal", "humans", "objects", "walls"}
+    assert set(describe(s2g.Flat(s2g.Lidar(make())))["parts"]) == {"robot", "goal"}
     assert set(describe(s2g.Graph(make()))["parts"]) == {part.name for part in STANDARD}
     assert flat["humans"]["version"] == 1
     assert flat["humans"]["columns"][:3] == ["x m", "y m", "vx m/s"]

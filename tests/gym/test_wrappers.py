@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium
@@ -13,9 +14,8 @@ import sonata2d as s2
 import sonata2d.gym as s2g
 from sonata2d.core.entities import Furniture, Human, Wall
 from sonata2d.core.geometry import Disc, Pose, Rectangle
-from sonata2d.gym.observation import Encoder, Sizes
 from sonata2d.gym.parts import Humans, Observation
-from sonata2d.gym.sensing import measure_ranges, visible
+from sonata2d.gym.pipeline import Pipeline
 from sonata2d.gym.wrappers import EDGE_TYPES, NODE_FEATURES
 from tests.conftest import room
 
@@ -29,15 +29,21 @@ def after(env: gymnasium.Env[Any, Any], steps: int = 30, seed: int = 1) -> Obser
     return observation
 
 
-def observed(*entities: Human | Furniture, inner: tuple[Wall, ...] = ()) -> Observation:
-    """The observation of a robot in the middle of a room of 8 m, which faces +x."""
+def observed(
+    wrap: Callable[[s2g.SocialNavEnv], Any],
+    *entities: Human | Furniture,
+    inner: tuple[Wall, ...] = (),
+    robot: Pose = Pose(0.0, 0.0, 0.0),  # noqa: B008  frozen
+    sizes: dict[str, int] | None = None,
+) -> Observation:
+    """The observation of a robot in a room of 8 m; unless given, in the middle, facing +x."""
     humans = [one for one in entities if isinstance(one, Human)]
-    scene = room(
-        humans, [one for one in entities if isinstance(one, Furniture)], robot=Pose(0.0, 0.0, 0.0), inner=inner
+    scene = room(humans, [one for one in entities if isinstance(one, Furniture)], robot=robot, inner=inner)
+    env = s2g.SocialNavEnv(
+        "empty", sizes={"humans": 4, "objects": 3, "walls": 8, "interactions": 4} | (sizes or {}), order="scene"
     )
-    encoder = Encoder(Sizes(4, 3, 8, 4), "scene")
-    encoder.reset(scene)
-    return encoder.encode(s2.Episode(scene, s2.StraightToGoal()).snapshot())
+    observation: Observation = Pipeline(wrap(env)).observe(s2.Episode(scene, s2.StraightToGoal()).snapshot())
+    return observation
 
 
 def test_flat_keeps_the_named_parts_in_their_order() -> None:
@@ -104,23 +110,27 @@ def test_walls_and_people_hide_what_is_behind_them() -> None:
     at_the_back = Human(4, Pose(-1.5, 0.0, 0.0))
     behind_too = Furniture(10, "plant", Pose(3.9, 0.0, 0.0), Disc(0.05))
     beside = Furniture(11, "table", Pose(1.5, -1.0, 0.0), Rectangle(0.5, 0.5))
-    observation = observed(
-        behind_wall, in_sight, behind_person, at_the_back, behind_too, beside, inner=(Wall((2.0, 0.6), (2.0, 2.0)),)
-    )
-    seen = seen_in(observation, angle=2.0 * math.pi / 3.0)
-    assert seen == {2, 11}
-    assert seen_in(observation, angle=2.0 * math.pi / 3.0, occlusion=False) == {1, 2, 3, 10, 11}
-    assert seen_in(observation, angle=2.0 * math.pi) == {2, 4, 11}
-    assert seen_in(observation, angle=2.0 * math.pi, distance=1.9) == {4, 11}
+    entities = (behind_wall, in_sight, behind_person, at_the_back, behind_too, beside)
+
+    def seen(sizes: dict[str, int] | None = None, **options: Any) -> set[int]:
+        """The ids of the entities that are seen: 1 to 4 people, 10 and 11 furniture."""
+        wall = Wall((2.0, 0.6), (2.0, 2.0))
+        view = observed(lambda env: s2g.FieldOfView(env, **options), *entities, inner=(wall,), sizes=sizes)
+        masks = np.concatenate((view["humans_mask"], view["objects_mask"]))
+        return {id for id, mask in zip((1, 2, 3, 4, 10, 11), masks, strict=False) if mask}
+
+    assert seen(angle=2.0 * math.pi / 3.0) == {2, 11}
+    assert seen(angle=2.0 * math.pi / 3.0, occlusion=False) == {1, 2, 3, 10, 11}
+    assert seen(angle=2.0 * math.pi) == {2, 4, 11}
+    assert seen(angle=2.0 * math.pi, distance=1.9) == {4, 11}
+    assert seen({"walls": 1}, angle=2.0 * math.pi) == {2, 4, 11}, "walls without rows hide, too"
 
 
-def seen_in(observation: Observation, angle: float, distance: float = 10.0, occlusion: bool = True) -> set[int]:
-    """The ids of the entities that are seen: 1 to 4 people, 10 and 11 furniture."""
-    is_seen = np.concatenate((observation["humans_mask"], observation["objects_mask"])) > 0.0
-    humans, objects, walls = (observation[name].astype(float) for name in ("humans", "objects", "walls"))
-    walls = walls[observation["walls_mask"] > 0.0]
-    visible(humans, objects, walls, math.cos(angle / 2.0), distance, occlusion, is_seen)
-    return {number for number, seen in zip((1, 2, 3, 4, 10, 11, -1), is_seen, strict=True) if seen}
+def test_people_without_a_row_hide_what_is_behind_them() -> None:
+    plant, person = Furniture(10, "plant", Pose(3.0, 0.0, 0.0), Disc(0.2)), Human(1, Pose(2.0, 0.0, math.pi))
+    beside = Human(2, Pose(0.0, 1.0, 0.0))  # the nearest, who has the only row
+    for entities, mask in (((plant, beside), 1.0), ((plant, beside, person), 0.0)):
+        assert observed(s2g.FieldOfView, *entities, sizes={"humans": 1})["objects_mask"].tolist() == [mask, 0.0, 0.0]
 
 
 def test_a_narrow_view_shows_fewer_entities_and_their_interactions() -> None:
@@ -144,17 +154,38 @@ def test_lidar_measures_outlines() -> None:
     ahead = Human(1, Pose(2.0, 0.0, 0.0), radius=0.15, breadth=0.5)
     table = Furniture(10, "table", Pose(0.0, 2.0, math.pi / 2), Rectangle(1.0, 0.5))
     plant = Furniture(11, "plant", Pose(-1.0, 0.0, 0.0), Disc(0.25))
-    observation = observed(ahead, table, plant)
-    humans, objects, walls = (
-        observation[name][observation[f"{name}_mask"] > 0.0].astype(float) for name in ("humans", "objects", "walls")
+    ranges = observed(lambda env: s2g.Lidar(env, rays=8), ahead, table, plant)["lidar"]
+    diagonal = 4.0 * math.sqrt(2.0)
+    np.testing.assert_allclose(ranges, [1.85, diagonal, 1.5, diagonal, 0.75, diagonal, 4.0, diagonal], atol=1e-6)
+    cut = observed(lambda env: s2g.Lidar(env, rays=8, distance=3), ahead, table, plant)["lidar"]
+    np.testing.assert_allclose(cut, np.minimum(ranges, 3.0))
+    turned = observed(lambda env: s2g.Lidar(env, rays=4), ahead, table, plant, robot=Pose(0.0, 0.0, math.pi / 2))
+    np.testing.assert_allclose(turned["lidar"], [1.5, 0.75, 4.0, 1.85], atol=1e-6)
+
+
+def test_lidar_sees_entities_without_rows_and_neither_noise_nor_a_field_of_view_changes_it() -> None:
+    people = Human(1, Pose(2.0, 0.0, 0.0), radius=0.15), Human(2, Pose(0.0, -1.0, 0.0))
+    plants = (Furniture(10 + k, "plant", Pose(-1.0 - k, 1.5 * k, 0.0), Disc(0.25)) for k in range(2))
+    entities = (*people, *plants)
+    full = observed(lambda env: s2g.Lidar(env, rays=16), *entities)["lidar"]
+    few = {"humans": 1, "objects": 1, "walls": 1}
+    np.testing.assert_array_equal(observed(lambda env: s2g.Lidar(env, rays=16), *entities, sizes=few)["lidar"], full)
+    wraps: list[Callable[[Any], Any]] = [lambda env: s2g.Noise(env, 0.5), lambda env: s2g.FieldOfView(env, 0.1)]
+    for wrap in wraps:
+        inside = observed(lambda env, wrap=wrap: s2g.Lidar(wrap(env), rays=16), *entities)["lidar"]  # type: ignore[misc]
+        np.testing.assert_array_equal(inside, full)
+
+
+def test_a_policy_with_lidar_sees_the_world_of_any_scenario() -> None:
+    """An environment with rows for one room measures another, larger and fuller room completely."""
+    scene = s2.generate(s2.load_scenario("crowded-hall"), seed=3)
+    snapshot = s2.Episode(scene, s2.StraightToGoal()).snapshot()
+    found, expected = (
+        Pipeline(s2g.Lidar(s2g.SocialNavEnv(name), rays=360, distance=30)).observe(snapshot)["lidar"]
+        for name in ("empty", "crowded-hall")
     )
-    directions = np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0), (math.sqrt(0.5), -math.sqrt(0.5))])
-    ranges = np.full(5, 10.0)
-    measure_ranges(humans, objects, walls, directions, ranges)
-    np.testing.assert_allclose(ranges, [1.85, 1.5, 0.75, 4.0, 4.0 * math.sqrt(2.0)], atol=1e-5)
-    ranges = np.full(5, 3.0)
-    measure_ranges(humans, objects, walls, directions, ranges)
-    assert ranges[3:].tolist() == [3.0, 3.0]
+    np.testing.assert_array_equal(found, expected)
+    assert found.min() < 2.0 < found.max()
 
 
 def test_lidar_agrees_with_the_gaps_of_the_library() -> None:
@@ -228,17 +259,6 @@ def test_discrete_actions_are_moves() -> None:
         s2g.DiscreteActions(s2g.DiscreteActions(s2g.SocialNavEnv("empty")))
     with pytest.raises(ValueError, match=r"index of the 8 moves, got 1.5"):
         s2g.DiscreteActions(s2g.SocialNavEnv("empty")).action(1.5)
-
-
-def test_lidar_needs_the_rows_of_all_entities() -> None:
-    with pytest.raises(
-        ValueError, match=r"Lidar needs rows of all humans, .* sizes\['humans'\] is 1, the scenario has up to"
-    ):
-        s2g.Lidar(s2g.SocialNavEnv("lively", sizes={"humans": 1}))
-    s2g.Lidar(s2g.SocialNavEnv("lively", sizes={"humans": 40, "interactions": 1}))
-    with pytest.raises(ValueError, match=r"FieldOfView needs rows of all walls, .* sizes\['walls'\] is 1"):
-        s2g.FieldOfView(s2g.SocialNavEnv("lively", sizes={"walls": 1}))
-    s2g.FieldOfView(s2g.SocialNavEnv("lively", sizes={"walls": 1}), occlusion=False)
 
 
 def test_the_world_frame_has_no_end_at_the_range_of_the_robot() -> None:
