@@ -215,7 +215,15 @@ class Dataset(Sequence[EpisodeRecord]):
         """A `torch.utils.data.Dataset` of dictionaries of tensors, for a `DataLoader`.
 
         Item k has the arrays of `dataset[k]`: `time` (T,), `robot` (T, 6), `humans` (T, N, 7), `present` (T, N),
-        `activity` (T, N), `command` (T, 3), and `index`, k. T and N differ between episodes.
+        `activity` (T, N), `command` and `executed` (T, 3); in the world frame `goal` (3,), x, y, theta, `walls` (W, 4),
+        x1, y1, x2, y2, and `objects` (O, 6), x, y, theta, length, width and whether it is a disc; `object_types` (O,),
+        indices of `core.furniture_types.OBJECT_TYPES`; `sizes` (N, 2), radius and breadth of the pedestrians;
+        `interactions` (K, 4), frame, source, index of `core.relations.RELATIONS`, and destination, where sources and
+        destinations are the N pedestrians, then the objects; the numbers of the labels, `label` or `label.NAME` (T,) or
+        (T, L), nan where a frame has none, and `run_label` or `run_label.NAME`; and `index`, k.
+
+        T, N, W, O and K differ between episodes. The attribute `collate` of the result makes batches:
+        `DataLoader(data, batch_size=8, collate_fn=data.collate)`; it fills up with nan, -1 and False.
 
         Raises:
             RecordError: PyTorch is not installed.

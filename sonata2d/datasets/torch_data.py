@@ -2,14 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import torch
 import torch.utils.data
 
 from ..core.arguments import whole_number
+from ..core.entities import Furniture
+from ..core.geometry import Disc
+from ..core.portable_math import Array
+from ..core.relations import RELATIONS
+from ..record.layout import interactions_from_rows
 from ..record.record import EpisodeRecord
+from ..registry import furniture_type
+
+
+def collate(items: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Make a batch of the items of `Dataset.to_torch`, for `DataLoader(..., collate_fn=...)`.
+
+    Tensors of B episodes with other numbers of frames, pedestrians, walls, objects or interactions are filled up to the
+    largest ones: floats by nan, integers by -1, and bools by False.
+
+    Returns:
+        The tensors of all items, with B as a first dimension, and `frames` (B,), numbers of frames. A label that an
+        item lacks is nan.
+    """
+    batch = {"frames": torch.tensor([len(item["time"]) for item in items])}
+    for name in dict.fromkeys(name for item in items for name in item):
+        parts = [torch.as_tensor(item[name]) if name in item else torch.tensor(math.nan) for item in items]
+        dimensions = max(part.ndim for part in parts)
+        parts = [part.reshape(part.shape + (1,) * (dimensions - part.ndim)) for part in parts]
+        dtype = torch.promote_types(parts[0].dtype, parts[-1].dtype)
+        filling = math.nan if dtype.is_floating_point else False if dtype == torch.bool else -1
+        shape = [max(part.shape[axis] for part in parts) for axis in range(dimensions)]
+        batch[name] = torch.full((len(parts), *shape), filling, dtype=dtype)
+        for k, part in enumerate(parts):
+            batch[name][(k, *map(slice, part.shape))] = part
+    return batch
 
 
 class Samples(torch.utils.data.IterableDataset):  # type: ignore[misc]
@@ -23,6 +55,8 @@ class Samples(torch.utils.data.IterableDataset):  # type: ignore[misc]
     def __init__(self, share: Callable[[int, int, int], Iterator[Any]], epoch: int) -> None:
         self._share = share
         self._epoch = torch.tensor(epoch).share_memory_()  # also for workers that live on
+
+    collate = staticmethod(collate)
 
     def set_epoch(self, epoch: int) -> None:
         """Set the number of the next iteration."""
@@ -46,8 +80,68 @@ class Episodes(torch.utils.data.Dataset):  # type: ignore[misc]
     def __getitem__(self, index: int) -> dict[str, Any]:
         return tensors(self.dataset[index]) | {"index": index}
 
+    collate = staticmethod(collate)
+
 
 def tensors(record: EpisodeRecord) -> dict[str, Any]:
     """The arrays of an episode as tensors; see `Dataset.to_torch`."""
-    names = ("time", "robot", "humans", "present", "activity", "command")
-    return {name: torch.tensor(getattr(record, name)) for name in names}
+    names = ("time", "robot", "humans", "present", "activity", "command", "executed")
+    scene, goal = record.scene(), record.scene().goal
+    ids = [*(human.id for human in scene.humans), *(piece.id for piece in scene.furniture)]
+    index = {id: k for k, id in enumerate(ids)}
+    arrays = {
+        "goal": [goal.x, goal.y, goal.theta],
+        "walls": _rows([(*wall.start, *wall.end) for wall in scene.walls], 4),
+        "objects": _rows([_object_row(piece) for piece in scene.furniture], 6),
+        "sizes": _rows([(human.radius, human.breadth) for human in scene.humans], 2),
+    }
+    types = [furniture_type(piece.type).number for piece in scene.furniture]
+    links = [
+        (tick, index[link.src], RELATIONS.index(link.relation), index[link.dst])
+        for tick, frame in enumerate(record.document["frames"])
+        for link in interactions_from_rows(frame["interactions"])
+    ]
+    return {
+        **{name: torch.tensor(getattr(record, name)) for name in names},
+        **{name: torch.tensor(values, dtype=torch.float64) for name, values in arrays.items()},
+        "object_types": torch.tensor(types, dtype=torch.int64),
+        "interactions": torch.tensor(links, dtype=torch.int64).reshape(-1, 4),
+        **{name: torch.tensor(values) for name, values in _labels(record).items()},
+    }
+
+
+def _rows(rows: list[tuple[float, ...]], width: int) -> Array:
+    return np.array(rows, dtype=float).reshape(-1, width)
+
+
+def _object_row(piece: Furniture) -> tuple[float, ...]:
+    shape, pose = piece.shape, piece.pose
+    if isinstance(shape, Disc):
+        return pose.x, pose.y, pose.theta, 2 * shape.radius, 2 * shape.radius, 1.0
+    return pose.x, pose.y, pose.theta, shape.length, shape.width, 0.0
+
+
+def _labels(record: EpisodeRecord) -> dict[str, Array]:
+    """The numbers in the labels of the frames, and in the label of the run, by name.
+
+    A label of several numbers, such as a twist, has a last dimension. A label with texts, or with other numbers of
+    values in other frames, is left out.
+    """
+    frames = [_flat("label", frame.get("label")) for frame in record.document["frames"]]
+    found: dict[str, Array] = {}
+    for name in dict.fromkeys(name for frame in frames for name in frame):
+        values = [frame[name] for frame in frames if name in frame]
+        if len({np.shape(value) for value in values}) == 1 and np.asarray(values).dtype.kind in "bfiu":
+            absent = np.full(np.shape(values[0]), math.nan)
+            found[name] = np.array([frame.get(name, absent) for frame in frames], dtype=float)
+    for name, value in _flat("run_label", record.label).items():
+        if np.asarray(value).dtype.kind in "bfiu":
+            found[name] = np.asarray(value, dtype=float)
+    return found
+
+
+def _flat(name: str, label: Any) -> dict[str, Any]:
+    """A label by names, with a dot before each key."""
+    if isinstance(label, Mapping):
+        return {inner: part for key, value in label.items() for inner, part in _flat(f"{name}.{key}", value).items()}
+    return {} if label is None else {name: label}

@@ -19,7 +19,7 @@ from ..core.geometry import Twist
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..core.wording import shown
-from ..errors import SceneError
+from ..errors import ControllerError, SceneError
 from ..metrics.catalogue import NEEDING_RERUN, select_metrics
 from ..metrics.definition import Metric
 from ..metrics.measurement import measure
@@ -221,6 +221,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         Raises:
             ResetNeeded: the episode is over, or `reset` was not called.
             ControllerError: a number of the action is not finite.
+            TypeError: the action holds something else than real numbers.
             ValueError: the action has another shape, or the reward is not a finite number.
         """
         before, episode = self.snapshot, self._episode
@@ -241,12 +242,17 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         return self.encoder.encode(after), reward, status in ("goal", "contact"), status == "timeout", info
 
     def twist_of(self, action: NDArray[np.floating[Any]]) -> Twist:
-        """The command of an action."""
+        """The command of an action; see `step` for its errors."""
         # A policy was trained with the limits of the environment, and drives with them in scenes with other limits too.
         limits, axes = self.config.robot.limits, self.action_space.shape
         if np.shape(action) != axes:
             raise ValueError(f"an action has the shape {axes}, got {shown(action)} of the shape {np.shape(action)}")
-        forward, *sideways, turn = (min(max(value, -1.0), 1.0) for value in np.asarray(action, dtype=float).tolist())
+        numbers = np.asarray(action)
+        if numbers.dtype.kind not in "fiu":
+            raise TypeError(f"an action holds real numbers, got {shown(action)}")
+        if not np.isfinite(numbers).all():
+            raise ControllerError(f"an action holds finite numbers, got {shown(action)}")
+        forward, *sideways, turn = (min(max(float(value), -1.0), 1.0) for value in numbers.tolist())
         vx = forward * (limits.ahead if forward > 0.0 else limits.back)
         return Twist(vx, sideways[0] * limits.sideways if sideways else 0.0, turn * limits.turn)
 
@@ -276,6 +282,18 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         )
         return state.model_dump()
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Arguments and present state, for `copy` and `pickle`; a copy continues the episode without recording it."""
+        names = ("_seed", "_number", "_np_random", "_np_random_seed", "action_space", "spec")
+        state = None if self._episode is None else self.get_state()
+        return {**super().__getstate__(), "attributes": {name: getattr(self, name) for name in names}, "state": state}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(state)
+        vars(self).update(state["attributes"])
+        if state["state"] is not None:
+            self._restore(checked_state(state["state"], self.config), is_recorded=False)
+
     def set_state(self, state: Mapping[str, Any], watch: Callable[[Observation], object] | None = None) -> Observation:
         """Return to a state; the following steps give the same bits as they would have given then.
 
@@ -293,20 +311,27 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
             ValueError: it is not a state of this version, or belongs to another scenario.
         """
         checked = checked_state(state, self.config)
-        scene = self._generate(checked.seed, checked.episode)
+        # an episode that is over was recorded when it ended
+        self._restore(checked, is_recorded=not checked.is_over, watch=watch)
+        self._draw(is_first=True)
+        return self.encoder.encode(self.snapshot)
+
+    def _restore(
+        self, state: EnvState, *, is_recorded: bool, watch: Callable[[Observation], object] | None = None
+    ) -> None:
+        """Run the commands of a state again."""
+        scene = self._generate(state.seed, state.episode)
         self.abandon()
-        self._seed, self._number = checked.seed, checked.episode
-        self.np_random.bit_generator.state = json.loads(checked.np_random)
-        self._start(scene, is_recorded=not checked.is_over)  # an episode that is over was recorded when it ended
+        self._seed, self._number = state.seed, state.episode
+        self.np_random.bit_generator.state = json.loads(state.np_random)
+        self._start(scene, is_recorded=is_recorded)
         episode = self._episode
         assert episode is not None
-        for command in checked.commands:
+        for command in state.commands:
             if watch is not None:
                 watch(self.encoder.encode(self.snapshot))
             episode.apply(Twist(*command))
             self._current = episode.observe()
-        self._draw(is_first=True)
-        return self.encoder.encode(self.snapshot)
 
     def observe(self, snapshot: Snapshot) -> Observation:
         """The observation of a snapshot, which becomes the present one; for wrappers and policies."""

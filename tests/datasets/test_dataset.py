@@ -14,6 +14,9 @@ import pytest
 from PIL import Image
 
 import sonata2d as s2
+from sonata2d.core.furniture_types import OBJECT_TYPES
+from sonata2d.core.geometry import Disc
+from sonata2d.core.relations import RELATIONS
 from sonata2d.errors import RecordError, RenderError
 
 COUNT = 6
@@ -124,6 +127,47 @@ def test_tensors_are_those_of_the_records(dataset: s2.Dataset) -> None:
     assert sorted(found) == list(range(COUNT))
     np.testing.assert_array_equal(found[2]["humans"].numpy(), dataset[2].humans)
     np.testing.assert_array_equal(found[2]["command"].numpy(), dataset[2].command)
+
+
+def test_tensors_hold_all_that_behaviour_cloning_needs(tmp_path: Path) -> None:
+    torch = pytest.importorskip("torch")
+    config = s2.load_scenario("lively").changed(rules={"time_limit": 3.0})
+    runs = s2.generate_dataset(tmp_path, config, Labelling(), episodes=3, seed=5)
+    data = runs.to_torch()
+    for k, record in enumerate(runs):
+        item, scene = data[k], record.scene()
+        assert item["goal"].tolist() == [scene.goal.x, scene.goal.y, scene.goal.theta]
+        assert item["walls"].tolist() == [[*wall.start, *wall.end] for wall in scene.walls]
+        assert item["sizes"].tolist() == [[human.radius, human.breadth] for human in scene.humans]
+        for row, number, piece in zip(item["objects"].tolist(), item["object_types"], scene.furniture, strict=True):
+            assert row[:3] == [piece.pose.x, piece.pose.y, piece.pose.theta]
+            assert OBJECT_TYPES[number] == piece.type
+            shape = piece.shape
+            is_disc = isinstance(shape, Disc)
+            assert row[3:] == ([2 * shape.radius] * 2 + [1.0] if is_disc else [shape.length, shape.width, 0.0])  # type: ignore[union-attr]
+        ids = [*(human.id for human in scene.humans), *(piece.id for piece in scene.furniture)]
+        links = [(t, ids[a], RELATIONS[r], ids[b]) for t, a, r, b in item["interactions"].tolist()]
+        frames = record.document["frames"]
+        assert links == [(t, *row) for t, frame in enumerate(frames) for row in frame["interactions"]]
+        assert links
+        np.testing.assert_array_equal(item["executed"].numpy(), record.executed)
+        np.testing.assert_array_equal(item["label.near"].numpy(), [frame["label"]["near"] for frame in frames])
+        assert item["label.twist"].tolist() == [frame["label"]["twist"] for frame in frames]
+        assert "label.word" not in item
+    batch = next(iter(torch.utils.data.DataLoader(data, batch_size=3, collate_fn=data.collate)))
+    assert batch["frames"].tolist() == [len(record) for record in runs]
+    for k, record in enumerate(runs):
+        count, people = record.humans.shape[:2]
+        np.testing.assert_array_equal(batch["humans"][k, :count, :people].numpy(), record.humans)
+        assert batch["humans"][k, count:].isnan().all()
+        assert not batch["present"][k, :, people:].any()
+        assert (batch["activity"][k, :, people:] == -1).all()
+    assert batch["index"].tolist() == [0, 1, 2]
+
+
+class Labelling(s2.StraightToGoal):
+    def label(self, snapshot: s2.Snapshot, twist: s2.Twist) -> dict[str, Any]:
+        return {"near": s2.clearance(snapshot) < 1.0, "twist": [twist.vx, twist.vy, twist.omega], "word": "x"}
 
 
 def test_pictures(dataset: s2.Dataset, tmp_path: Path) -> None:

@@ -163,8 +163,13 @@ def test_bad_arguments_are_named() -> None:
     with pytest.raises(ValueError, match="2\\^63"):
         env.reset(seed=2**64)
     env.reset(seed=0)
-    with pytest.raises(ControllerError, match="finite"):
-        env.step(np.array([np.nan, 0.0, 0.0]))
+    for wrong in (np.nan, np.inf, -np.inf):
+        with pytest.raises(ControllerError, match="finite"):
+            env.step(np.array([wrong, 0.0, 0.0]))
+    for other in (np.array([1.0 + 1.0j, 0.0, 0.0]), np.array([True, False, False]), ["1", "0", "0"]):
+        with pytest.raises(TypeError, match="real numbers"):
+            env.step(other)  # type: ignore[arg-type]
+    assert env.snapshot.tick == 0
     with pytest.raises(ValueError, match=r"shape \(3,\)"):
         env.step(np.zeros(2))
     with pytest.raises(ValueError, match="got 'forward' of"):

@@ -5,10 +5,15 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import os
+import pickle
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -47,6 +52,55 @@ def test_stepping_after_a_restore_equals_never_having_left(preset: str) -> None:
             found = other.step(move)
             assert equal(found[0], result[0])
             assert found[1:] == result[1:]
+
+
+def by_pickle(env: Any) -> Any:
+    return pickle.loads(pickle.dumps(env))
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, by_pickle])
+@pytest.mark.parametrize("chain", CHAINS.values(), ids=CHAINS)
+def test_a_copy_goes_on_as_the_original_does(chain: Callable[[Any], Any], duplicate: Callable[[Any], Any]) -> None:
+    env = chain(s2g.SocialNavEnv("lively", settings={"rules": {"time_limit": 3.0}}))
+    env.action_space.seed(5)
+    env.reset(seed=2)
+    for _ in range(12):
+        env.step(env.action_space.sample())
+    other = duplicate(env)
+    for _ in range(40):
+        action = env.action_space.sample()
+        np.testing.assert_array_equal(action, other.action_space.sample())
+        result, found = env.step(action), other.step(action)
+        assert equal(found[0], result[0])
+        assert found[1:] == result[1:]
+        if any(result[2:4]):
+            break
+    assert result[3], "the time limit"
+    with pytest.raises(gymnasium.error.ResetNeeded, match="the episode is over"):
+        by_pickle(env).step(action)
+    (expected, info), (found, found_info) = env.reset(), other.reset()
+    assert equal(found, expected)
+    assert found_info == info == {"seed": 2, "episode_number": 1}
+
+
+def test_a_copy_does_not_record_the_present_episode(tmp_path: Path) -> None:
+    env = s2g.SocialNavEnv("empty", record=tmp_path)
+    env.reset(seed=1)
+    env.step(np.ones(3))
+    other = copy.deepcopy(env)
+    for one in (other, env):
+        one.step(np.ones(3))
+        one.reset()
+    (path,) = tmp_path.glob("*.json*")
+    assert len(read_episode(path)) == 2
+
+
+def test_a_copy_before_the_first_reset_has_the_seed_of_the_original() -> None:
+    env = s2g.SocialNavEnv("empty")
+    env.reset(seed=4)
+    env.close()
+    assert copy.deepcopy(env).reset()[1] == {"seed": 4, "episode_number": 1}
+    assert copy.deepcopy(s2g.SocialNavEnv("empty")).reset(seed=4)[1] == {"seed": 4, "episode_number": 0}
 
 
 @pytest.mark.parametrize("preset", PRESETS)
