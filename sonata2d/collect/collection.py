@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import orjson
-from filelock import FileLock, Timeout
+from filelock import FileLock
 
+from ..core.files.locations import explained
 from ..core.files.locking import acquired_lock
 from ..core.files.whole_file import sync_folder
 from ..core.geometry import PRECISION
@@ -108,7 +109,11 @@ class Collection:
         """
         path = self._write(self.folder, recorder, when, announce)
         self._kept_paths.append(path)
-        self._rows = self._write_manifest(self._rows)
+        try:
+            self._rows = self._write_manifest(self._rows)
+        except RecordError as error:  # the run is kept; after an error it would be kept once more
+            self.kept += 1
+            logger.warning("%s; the next run writes the manifest again", error)
         return path
 
     def discard(self, recorder: EpisodeRecorder, when: datetime, announce: Callable[[str], None]) -> Path:
@@ -231,11 +236,12 @@ class Collection:
         rows: dict[str, JsonDict] = {}
         try:
             # The folder is listed under the lock: a list from before would omit runs that others have kept since.
-            with FileLock(self.folder / _JOURNALS / "manifest.lock", timeout=10):
+            lock = self.folder / _JOURNALS / "manifest.lock"
+            with explained(lock, "written"), FileLock(lock, timeout=10):
                 rows = _read_rows(self.folder, known)
                 manifest = manifest_of_runs(list(rows.values())) | {"split": _valid_split(self.folder, rows)}
                 write_manifest_and_card(self.folder, manifest)
-        except (RecordError, Timeout) as error:
+        except RecordError as error:
             rows = rows or _read_rows(self.folder, known)
             if not rows:
                 raise

@@ -18,6 +18,7 @@ from typing import Any, BinaryIO
 import orjson
 
 from ..core.devices import DeviceEvent
+from ..core.files.whole_file import sync_folder
 from ..core.geometry import Twist
 from ..core.scene import Scene
 from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot
@@ -72,6 +73,7 @@ class Journal:
         self._file: BinaryIO | None = None
         self._size, self._buffer = 0, b""  # bytes of complete lines in the file; lines that are not written yet
         self._ticks_in_file = 0
+        self._is_new = False  # whether the name of the file may not be on the disk yet
         self._is_open = False  # whether a run is in progress, written or not
 
     def begin(self, header: JsonDict) -> None:
@@ -115,6 +117,9 @@ class Journal:
         if self._file is not None:
             with self._catch_write_errors():
                 os.fsync(self._file.fileno())
+                if self._is_new:
+                    sync_folder(self.path.parent)
+                    self._is_new = False
 
     def shut(self) -> None:
         """Close the file; the run can be recovered from it."""
@@ -139,7 +144,7 @@ class Journal:
         with self._catch_write_errors():
             if self._file is None:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
-                self._file = self.path.open("wb", buffering=0)
+                self._file, self._is_new = self.path.open("wb", buffering=0), True
             self._file.seek(self._size)
             if self._file.write(self._buffer) < len(self._buffer):
                 self._file.truncate(self._size)

@@ -23,7 +23,7 @@ from typing import Any
 
 import orjson
 
-from ..core.files.locations import file_names, make_folder
+from ..core.files.locations import delete, file_names, make_folder
 from ..core.files.optional import optional
 from ..core.files.whole_file import whole_file
 from ..core.wording import one_line
@@ -127,9 +127,9 @@ def finish(out: Path, parts: int) -> list[Path]:
     for file in file_names(out):
         name, _, number = file.removesuffix(".parquet").rpartition("-")
         if name in TABLES and number.isdecimal() and int(number) >= parts:
-            (out / file).unlink(missing_ok=True)
+            delete(out / file)
     for name in TABLES if parts else ():
-        (out / f"{name}.parquet").unlink(missing_ok=True)
+        delete(out / f"{name}.parquet")
     ending = "-*.parquet" if parts else ".parquet"
     configs = "".join(f'- config_name: {name}\n  data_files: "{name}{ending}"\n' for name in TABLES)
     # the description of the tables is the table of this module's docstring

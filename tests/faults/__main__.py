@@ -1,8 +1,9 @@
 """Faults of the machine: `python -m tests.faults [--moments 50] [--seed 0] [KIND ...]`; Linux, better as root.
 
 Each command that writes files is stopped at random moments, loses a worker, fills the disk, meets a read-only folder,
-or runs out of file handles. It must end with one line that tells why, leave each file whole or absent, and give the
-same bytes when it is resumed or repeated. Prints a table; the exit code is 1 if something went wrong.
+or runs out of file handles; each call of the functions behind them fails once, and meets a power cut once. It must end
+with one line that tells why, leave each file whole or absent, and give the same bytes when it is resumed or repeated.
+Prints a table; the exit code is 1 if something went wrong.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from .calls import create_sets, trials as calls
 from .commands import create_material
 from .resources import few_handles, full_disk, read_only
 from .stops import killed_workers, stops
@@ -21,7 +23,7 @@ from .table import HEADER
 
 def main() -> int:
     """Run the trials, and print the table."""
-    kinds = ("stops", "workers", "disk", "read-only", "handles")
+    kinds = ("stops", "workers", "disk", "read-only", "handles", "calls")
     parser = argparse.ArgumentParser(prog="python -m tests.faults", description=__doc__)
     parser.add_argument("kinds", nargs="*", metavar="KIND", help=f"kinds of faults: {', '.join(kinds)}; default: all")
     parser.add_argument("--moments", type=int, default=50, help="number of moments at which each signal stops generate")
@@ -40,6 +42,7 @@ def main() -> int:
             "disk": lambda: full_disk(material, work),
             "read-only": lambda: read_only(material, work),
             "handles": lambda: few_handles(material, work),
+            "calls": lambda: calls(create_sets(Path(folder, "sets"))),
         }
         _write(HEADER)
         for kind in options.kinds or kinds:

@@ -141,8 +141,8 @@ def content_of(path: Path, start: int | None = None, end: int | None = None) -> 
 
 
 @contextmanager
-def explained(path: Path, action: Literal["read", "written"], *more: type[Exception]) -> Iterator[None]:
-    """Turn an error of reading or writing a file into a RecordError that names it.
+def explained(path: Path, action: Literal["read", "written", "deleted"], *more: type[Exception]) -> Iterator[None]:
+    """Turn an error of reading, writing or deleting a file into a RecordError that names it.
 
     Args:
         path: of the file.
@@ -159,6 +159,16 @@ def explained(path: Path, action: Literal["read", "written"], *more: type[Except
         yield
     except kinds as error:
         raise RecordError(f"{path} cannot be {action}: {getattr(error, 'strerror', None) or error}") from error
+
+
+def delete(path: Path) -> None:
+    """Delete a file, if it exists.
+
+    Raises:
+        RecordError: it cannot be deleted.
+    """
+    with explained(path, "deleted"):
+        path.unlink(missing_ok=True)
 
 
 @contextmanager

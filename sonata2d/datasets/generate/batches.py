@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Self
 
 from ...agents.controllers.base import Controller
-from ...core.files.locations import file_names
+from ...core.files.locations import delete, file_names
 from ...errors import NewerFormatError, RecordError
 from ...record.files import read_stored, sha256_of, write_atomically
 from ...record.layout import JsonDict
@@ -138,7 +138,7 @@ class _NewBatch:
             self._writer.discard()
         else:
             stop_if_unwanted()
-            shard_manifest_path(self._path).unlink(missing_ok=True)  # it would describe the new file wrongly
+            delete(shard_manifest_path(self._path))  # it would describe the new file wrongly
             manifest = self._manifest(self._writer, stop)
             write_shard_manifest(self._path, manifest)
         for part in self._earlier:
@@ -295,9 +295,9 @@ def remove_surplus(folder: Path, spec: DatasetSpec, batches: Sequence[Batch]) ->
     for name in file_names(folder) if spec.keep or spec.shard_size else ():
         number = number_in(name)
         if number is not None and number not in kept:
-            (folder / name).unlink(missing_ok=True)
+            delete(folder / name)
     for path in parts_in(folder):
-        path.unlink(missing_ok=True)
+        delete(path)
 
 
 def _members_by_name(paths: Iterable[Path]) -> dict[str, Path]:

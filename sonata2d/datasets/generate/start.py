@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from ...core.files.locations import file_names, is_remote
+from ...core.files.locations import delete, file_names, is_remote
 from ...core.files.locking import acquired_lock
 from ...core.files.whole_file import TEMPORARY_PREFIX
 from ...core.wording import shown
@@ -110,7 +110,8 @@ def sole_writer(folder: Path) -> Iterator[None]:
         yield
     finally:
         lock.release()
-        (folder / LOCK).unlink(missing_ok=True)
+        with suppress(OSError):  # the file alone locks nothing
+            (folder / LOCK).unlink()
 
 
 def _require_no_file(folder: Path) -> None:
@@ -123,7 +124,7 @@ def remove_partial_files(folder: Path) -> None:
     """Remove incomplete files that a killed run left."""
     for name in file_names(folder):
         if name.startswith(TEMPORARY_PREFIX) and name != LOCK:
-            (folder / name).unlink(missing_ok=True)
+            delete(folder / name)
 
 
 def remove_failed_episodes(folder: Path) -> None:
@@ -133,7 +134,7 @@ def remove_failed_episodes(folder: Path) -> None:
         remove_partial_files(failed)
         for name in file_names(failed):
             if episode_number(name) is not None:
-                (failed / name).unlink(missing_ok=True)
+                delete(failed / name)
         with suppress(OSError):
             failed.rmdir()
 
