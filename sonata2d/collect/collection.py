@@ -7,6 +7,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -222,7 +223,12 @@ class Collection:
         recorder.id = file_stem(path)
         data = compress(recorder.document(), path)
         announce(path.name)
-        write_atomically(path, data)
+        try:
+            write_atomically(path, data)
+        except RecordError:  # also if the file is whole, but its name is not on the disk: it would be written once more
+            with suppress(OSError):
+                path.unlink()
+            raise
         return path
 
     def _write_manifest(self, known: dict[str, JsonDict]) -> dict[str, JsonDict]:

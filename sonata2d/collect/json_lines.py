@@ -6,6 +6,7 @@ import errno
 import logging
 import os
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
@@ -36,6 +37,8 @@ def append_line(path: Path, row: Mapping[str, Any], mode: int = 0o666) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         is_new = not path.exists()
         with open(path, "ab+", buffering=0, opener=partial(os.open, mode=mode)) as file:
+            if is_new:  # before the line is written: a line that may be there must not raise an error
+                _sync_name(path)
             _repair_last_line(path, file)
             size = file.seek(0, os.SEEK_END)
             try:
@@ -45,10 +48,18 @@ def append_line(path: Path, row: Mapping[str, Any], mode: int = 0o666) -> None:
             except OSError:
                 file.truncate(size)  # half a line would spoil the next one
                 raise
-        if is_new:
-            sync_folder(path.parent)
     except OSError as error:
         raise RecordError(f"{path} cannot be written: {error.strerror or error}") from error
+
+
+def _sync_name(path: Path) -> None:
+    """Flush the name of a new file to disk; if that fails, the file is removed, so that it is new the next time."""
+    try:
+        sync_folder(path.parent)
+    except OSError:
+        with suppress(OSError):
+            path.unlink()
+        raise
 
 
 def read_lines(path: Path, version: int, parse: Callable[[dict[str, Any]], T], thing: str) -> list[T]:

@@ -267,8 +267,8 @@ class RatingSession:
         if path not in self._hashes:
             try:
                 self._hashes[path] = sha256_of(path)
-            except RecordError:
-                self._hashes[path] = ""
+            except RecordError:  # perhaps for a moment only
+                return ""
         return self._hashes[path]
 
 

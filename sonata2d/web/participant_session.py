@@ -270,6 +270,7 @@ class ParticipantSession:
                     raise ValueError("the page is of another version; reload it")
                 if not participant.has_chosen_language:
                     participant.choose_language(preferred(participant.study.config.languages, message.languages))
+                participant.resume()  # a step may lack its run, because the disk was full when it began
             case m.Language():
                 participant.choose_language(message.language)
             # Pages, consent and questions. The page offers `skip` in a preview only, but anybody can send it.

@@ -15,7 +15,7 @@ import tempfile
 import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
@@ -24,6 +24,7 @@ from typing import Any
 
 import sonata2d as s2
 from sonata2d.agents.controllers.teleoperation import DeviceMapping
+from sonata2d.collect.json_lines import append_line
 from sonata2d.collect.session import Session
 from sonata2d.core.devices import DeviceEvent
 from sonata2d.datasets import merge_datasets, mirror_dataset, split_dataset, verify, write_card
@@ -93,6 +94,49 @@ def _keep_recovered(folder: Path) -> None:
     session.close()
 
 
+def _keep_again(folder: Path) -> None:
+    """Keep a run, and once more in the same session if that fails."""
+    session = _drive(_session(folder))
+    (folder.parent / "driven").touch()
+    for attempt in range(2):
+        try:
+            session.keep()
+            break
+        except RecordError:
+            if attempt:
+                raise
+    session.close()
+
+
+def _append_again(folder: Path) -> None:
+    """Add a line to a new file, and once more if that fails."""
+    for attempt in range(2):
+        try:
+            append_line(folder / "lines" / "a.jsonl", {"version": 1})
+            break
+        except RecordError:
+            if attempt:
+                raise
+    (folder.parent / "added").touch()
+    with suppress(OSError):
+        (folder / "next").mkdir()  # a call after it, at which the power is cut
+
+
+def _lines(folder: Path) -> object:
+    path = folder / "lines" / "a.jsonl"
+    return path.read_text().splitlines() if path.exists() else []
+
+
+def _append_missing(folder: Path) -> None:
+    if not _lines(folder):
+        append_line(folder / "lines" / "a.jsonl", {"version": 1})
+
+
+def _lost_line(folder: Path) -> str:
+    is_lost = (folder.parent / "added").exists() and not _lines(folder)
+    return "the line is lost" if is_lost else ""
+
+
 def _undo(folder: Path) -> None:
     session = _drive(_session(folder))
     (folder.parent / "driven").touch()
@@ -123,7 +167,9 @@ TRIALS = (
     Trial("generate", _generate, judge=_damage),
     Trial("generate in shards", lambda folder: _generate(folder, shard_size=2), judge=_damage),
     Trial("keep", _keep, _keep_recovered, judge=_damage, warns=True),
+    Trial("keep, repeated", _keep_again, _keep_recovered, judge=_damage, result=_kept_runs, warns=True),
     Trial("undo", _undo, _keep_recovered, judge=_damage, result=_kept_runs, warns=True),
+    Trial("line, repeated", _append_again, _append_missing, judge=_lost_line, result=_lines, warns=True),
     Trial("merge", lambda folder: merge_datasets([folder / "a", folder / "b"], folder / "out"), judge=_damage),
     Trial("mirror", lambda folder: mirror_dataset(folder / "a", folder / "out"), judge=_damage),
     Trial("split", lambda folder: split_dataset(folder / "a", {"train": 1, "test": 1})),
