@@ -317,7 +317,10 @@ def _checked_spec(spec: LabelSpec) -> LabelSpec:
         ConfigError: its kind asks no question, or it has fewer than two classes.
     """
     if spec.kind == "command":
-        raise ConfigError("the label kind is 'command', which asks nothing; rate with yes_no, classes, slider or text")
+        raise ConfigError(
+            "the label kind is 'command', which asks nothing; give a scenario with a label of the kind yes_no, classes,"
+            " slider or text, as in collect --rate RUNS --scenario FILE"
+        )
     if spec.kind == "classes" and len(spec.classes) < 2:
         raise ConfigError(f"a choice needs two or more classes, got {len(spec.classes)}; name the lowest class first")
     return replace(spec, when="run")

@@ -170,7 +170,7 @@ def _write_all(pa: Any, episodes: Iterator[_PackedEpisode], writers: dict[str, A
                     writers[table].write_table(whole)
                     parts.clear()
     for table, rest in waiting.items():
-        if rest:
+        if any(map(len, rest)):  # readers refuse a row group without rows
             writers[table].write_table(pa.concat_tables(rest).combine_chunks())
 
 

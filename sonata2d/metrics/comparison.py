@@ -17,7 +17,7 @@ from ..errors import MetricError, RenderError
 from ..record.files import write_atomically
 from ..registry import did_you_mean
 from .definition import ARROWS, Metric
-from .evaluation import MARK, Evaluation
+from .evaluation import MARK, VERSIONS, Evaluation
 from .measurement import save_metrics
 from .summary import FEW
 from .templates import render
@@ -128,10 +128,11 @@ class Comparison(Sequence[Evaluation]):
         return notes
 
     def to_json(self) -> dict[str, Any]:
-        """All evaluations, and the differences of each from the first, as a JSON object."""
+        """Versions, all evaluations, and the differences of each from the first, as a JSON object."""
         first, others = self.evaluations[0], self.evaluations[1:]
         names = next((list(each.episodes[0].values) for each in self.evaluations if each.episodes), [])
         return {
+            **VERSIONS,
             "evaluations": [{"label": each.label, **each.to_json()} for each in self.evaluations],
             "differences": [
                 {"of": each.label, "from": first.label}

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from ..core.wording import counted
+from ..version import PHYSICS_VERSION, __version__
 from .catalogue import ALL, metric_named
 from .definition import DEFINITIONS_VERSION, NEEDS
 from .summary import LEVEL, RESAMPLES, Interval, Share, Summary, differences, summarise
 
 EVENTS = ("0/1", "count")  # units of metrics that are shown as shares of episodes
 _METRICS_FORMAT = "sonata2d-metrics"
+VERSIONS = {"sonata2d": __version__, "physics": PHYSICS_VERSION}  # that measured
 MARK = "*"  # of values that differ significantly from the first evaluation
 
 
@@ -130,7 +132,7 @@ class Evaluation:
         return difference.excludes_zero and difference.mean is not None and difference.mean * (mean - base) > 0.0
 
     def to_json(self) -> dict[str, Any]:
-        """Version of the definitions, summaries and the metrics of every episode, as a JSON object.
+        """Versions of definitions, sonata2d and physics, summaries, and the metrics of every episode, as a JSON object.
 
         Summaries cover all episodes, the successful episodes and the episodes of each scenario family.
         """
@@ -139,6 +141,7 @@ class Evaluation:
         return {
             "format": _METRICS_FORMAT,
             "version": DEFINITIONS_VERSION,
+            **VERSIONS,
             "metrics": {name: {"unit": ALL[name].unit, "better": ALL[name].better} for name in names},
             "bootstrap": {"level": LEVEL, "resamples": self.resamples, "seed": 0},
             "rerun": any(episode.values.get("human_slowing") is not None for episode in self.episodes),

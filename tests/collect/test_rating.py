@@ -338,7 +338,7 @@ def test_an_unusable_rater_id_is_refused(rater: str, folder: Path) -> None:
 def test_unusable_specifications_fractions_and_folders_are_refused(
     folder: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    with pytest.raises(ConfigError, match="asks nothing"):
+    with pytest.raises(ConfigError, match=r"asks nothing; give a scenario with a label .* --scenario FILE"):
         RatingSession(folder, "ann", LabelSpec())
     with pytest.raises(ConfigError, match="needs two or more classes, got 1"):
         RatingSession(folder, "ann", LabelSpec("classes", classes=("one",)))

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sonata2d.datasets import verify
+from sonata2d.datasets import generate_dataset, verify
 from sonata2d.datasets.check.replay import check_replay
 from sonata2d.errors import RecordError
 from sonata2d.formats import api, npz, parquet
@@ -126,6 +126,19 @@ def test_tables_load_as_a_hugging_face_data_set(folder: Path, tmp_path: Path, mo
     export_to(folder, "parquet", tmp_path / "out")
     loaded = datasets.load_dataset(str(tmp_path / "out"), "episodes", cache_dir=str(tmp_path / "cache"))
     assert loaded["train"].num_rows == 20
+
+
+def test_a_table_without_rows_has_no_row_group(tmp_path: Path) -> None:
+    """`datasets.load_dataset` refuses an empty row group: "BatchSize must be greater than 0"."""
+    pq = pytest.importorskip("pyarrow.parquet")
+    generate_dataset(tmp_path / "runs", "empty", "straight-to-goal", episodes=2, seed=1)
+    export_to(tmp_path / "runs", "parquet", tmp_path / "tables")
+    names = ("frames", "agents", "interactions")
+    tables = {name: pq.ParquetFile(tmp_path / f"tables/{name}.parquet") for name in names}
+    assert tables["frames"].num_row_groups == 1
+    for name in names[1:]:
+        assert (tables[name].num_row_groups, tables[name].read().num_rows) == (0, 0)
+        assert "episode_id" in tables[name].schema_arrow.names
 
 
 def test_missing_pyarrow_names_the_package_to_install(

@@ -34,6 +34,7 @@ from sonata2d.metrics.measurement import (
 from sonata2d.record.canonical import serialise
 from sonata2d.record.reader import read_episode
 from sonata2d.record.record import EpisodeRecord
+from sonata2d.version import PHYSICS_VERSION
 
 from ..conftest import room, times_to_collision
 from .samples import measured, record, stay
@@ -60,6 +61,7 @@ def test_metrics_are_stored_with_the_episodes_and_the_data_set_stays_valid(datas
     stored = json.loads(path.read_text())
     assert path.name == "metrics.json"
     assert (stored["format"], stored["version"]) == ("sonata2d-metrics", DEFINITIONS_VERSION)
+    assert (stored["sonata2d"], stored["physics"]) == (s2.__version__, PHYSICS_VERSION)
     assert [episode["file"] for episode in stored["episodes"]] == ["000000.json", "000001.json", "000002.json"]
     first = stored["episodes"][0]
     assert first["sha256"] == hashlib.sha256((dataset / "000000.json").read_bytes()).hexdigest()

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
 from sonata2d.agents.controllers.teleoperation import DEFAULT_MAPPINGS, DeviceMapping
+from sonata2d.collect.texts import choose_language, languages, table, text
 from sonata2d.errors import ConfigError
 from sonata2d.window.actions import Action
-from sonata2d.window.key_texts import help_rows, keys_of
+from sonata2d.window.key_texts import _KEYS, help_rows, keys_of
 from sonata2d.window.profiles import (
     DEFAULT_PROFILES,
     FOLDER_VARIABLE,
@@ -17,6 +19,7 @@ from sonata2d.window.profiles import (
     read_profiles,
     write_default_controls,
 )
+from sonata2d.window.view_screen import _HELP
 
 NOBODY: frozenset[Action] = frozenset()
 
@@ -143,6 +146,26 @@ def test_the_window_names_changed_controls_as_the_file_does(file: Path) -> None:
     changed = {("i, k", "drive ahead, back"), ("–", "turn"), ("–", "brake"), ("p, pad guide", "pause")}
     assert changed | {("Z", "personal space"), ("Left stick", "drive and turn")} <= {*help_rows(profiles, NOBODY)}
     assert keys_of("driving", profiles, NOBODY)[:3] == (("i, k", "drive"), ("Enter", "end the run"), ("P", "pause"))
+
+
+@pytest.mark.parametrize("language", languages())
+def test_every_key_and_its_meaning_have_words_in_every_language(language: str) -> None:
+    """The help of runs and of recordings, and the keys along the lower edge, show no name of a text."""
+    choose_language(language)
+    try:
+        rows = [*help_rows(DEFAULT_PROFILES, NOBODY), *((text_of(key), text_of(meaning)) for key, meaning in _HELP)]
+        for state in _KEYS:
+            rows += keys_of(state, DEFAULT_PROFILES, NOBODY)
+    finally:
+        choose_language("en")
+    names = table(language)
+    assert [word for row in rows for word in row if not word or re.fullmatch(r"[a-z]+\.\w+", word)] == []
+    missing = {name for name in table("en") if not names.get(name)}
+    assert missing == set()
+
+
+def text_of(key: str) -> str:
+    return text(key) if re.fullmatch(r"[a-z]+\.\w+", key) else key
 
 
 def test_hidden_actions_have_no_row() -> None:
