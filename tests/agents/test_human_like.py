@@ -147,9 +147,16 @@ def test_a_branch_starts_from_the_present_motion() -> None:
     assert frame.command.vx == pytest.approx(0.6)
 
 
-@pytest.mark.parametrize("invalid", [{"delay": -0.1}, {"lag": math.inf}, {"noise": math.nan}])
-def test_invalid_parameters_are_rejected(invalid: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match=f"{next(iter(invalid))} must be finite and not negative"):
+@pytest.mark.parametrize(
+    ("invalid", "problem"),
+    [
+        ({"delay": -0.1}, "delay must be 0 or more, got -0.1"),
+        ({"lag": math.inf}, "lag must be finite, got inf"),
+        ({"noise": math.nan}, "noise must be finite, got nan"),
+    ],
+)
+def test_invalid_parameters_are_rejected(invalid: dict[str, float], problem: str) -> None:
+    with pytest.raises(ValueError, match=problem):
         HumanLike(**invalid)  # type: ignore[arg-type]
 
 
