@@ -77,9 +77,23 @@ def _drive(session: Session) -> Session:
     return session
 
 
-def _keep(folder: Path) -> None:
+def _driven(folder: Path) -> Session:
+    """A session whose run has ended; a file that is not on the disk under test says so."""
     session = _drive(_session(folder))
-    (folder.parent / "driven").touch()  # not on the disk under test
+    (folder.parent / "driven").touch()
+    return session
+
+
+def _repeated(function: Callable[[], object]) -> None:
+    """Call a function, and once more if it fails."""
+    try:
+        function()
+    except RecordError:
+        function()
+
+
+def _keep(folder: Path) -> None:
+    session = _driven(folder)
     session.keep()
     session.close()
 
@@ -95,28 +109,13 @@ def _keep_recovered(folder: Path) -> None:
 
 
 def _keep_again(folder: Path) -> None:
-    """Keep a run, and once more in the same session if that fails."""
-    session = _drive(_session(folder))
-    (folder.parent / "driven").touch()
-    for attempt in range(2):
-        try:
-            session.keep()
-            break
-        except RecordError:
-            if attempt:
-                raise
+    session = _driven(folder)
+    _repeated(session.keep)
     session.close()
 
 
 def _append_again(folder: Path) -> None:
-    """Add a line to a new file, and once more if that fails."""
-    for attempt in range(2):
-        try:
-            append_line(folder / "lines" / "a.jsonl", {"version": 1})
-            break
-        except RecordError:
-            if attempt:
-                raise
+    _repeated(lambda: append_line(folder / "lines" / "a.jsonl", {"version": 1}))
     (folder.parent / "added").touch()
     with suppress(OSError):
         (folder / "next").mkdir()  # a call after it, at which the power is cut
@@ -138,8 +137,7 @@ def _lost_line(folder: Path) -> str:
 
 
 def _undo(folder: Path) -> None:
-    session = _drive(_session(folder))
-    (folder.parent / "driven").touch()
+    session = _driven(folder)
     session.keep()
     session.undo()
     session.close()
@@ -155,7 +153,7 @@ def _export(folder: Path, name: str) -> None:
 
 
 def _damage(folder: Path) -> str:
-    """What `check` finds in a data set that lists files."""
+    """The problems that `check` finds in a data set that lists files."""
     out = folder / "out"
     problems = verify(out) if (out / "manifest.json").exists() else []
     # of a run that is not finished, of files that are not listed yet, and of a card that is newer than the manifest
@@ -283,7 +281,7 @@ def _copy(sets: Path) -> Iterator[Path]:
 
 
 def _result(trial: Trial, folder: Path) -> Any:
-    """What must be as after an undisturbed run: no run log, no locks, and nothing temporary."""
+    """The files to compare with those of an undisturbed run, without run log, locks and temporary files."""
     if trial.result is not None:
         return trial.result(folder)
     found = contents(folder).items()

@@ -184,12 +184,9 @@ class Disk:
             return self._real_fsync(handle)
         self.count("fsync", path)
         if os.path.isdir(path):
-            for names in (self._durable_names, self._files):
-                for name in [name for name in names if os.path.dirname(name) == path]:
-                    if name in self._files:
-                        self._durable_names[name] = self._files[name]
-                    else:
-                        del self._durable_names[name]
+            elsewhere = {name: file for name, file in self._durable_names.items() if os.path.dirname(name) != path}
+            here = {name: file for name, file in self._files.items() if os.path.dirname(name) == path}
+            self._durable_names = elsewhere | here
         elif path in self._files:
             with self._real_open(path, "rb") as file:
                 self._files[path].durable = file.read()
@@ -197,7 +194,7 @@ class Disk:
 
 
 class _Raw(io.FileIO):
-    """An open file whose writes are counted."""
+    """An open file that counts its writes."""
 
     disk: Disk
     path: str

@@ -2,8 +2,9 @@
 
 From one seed follow all delays, lost connections, double clicks, failures of the disk, kills of the server and power
 cuts, as in the simulation of FoundationDB. Pages behave as the participant's page does: they repeat nothing on a
-connection, and connect again with `hello`. They keep a history of what they were shown, by which each seed is judged,
-as in Jepsen: what was shown is never taken back, every answer and every run is there once, and nobody is stuck. Linux.
+connection, and connect again with `hello`. Each page keeps a history of what it showed, by which the seed is judged, as
+Jepsen judges data bases: no step that was shown is taken back, every answer and every run is stored exactly once, and
+every participant reaches the end. Linux.
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Coroutine, Generator
-from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -192,19 +192,14 @@ class Simulation:
         """End the process: no code runs, and its locks are free."""
         self.generation += 1
         for coroutine in self.running.values():
-            with suppress(BaseException):
-                coroutine.close()
+            coroutine.close()
         for session in self.sessions.values():
             driven = session.participant.session
             if driven is not None:
                 driven._collection._lock.release(force=True)
                 file = driven._journal._file
                 if file is not None:
-                    with suppress(BaseException):
-                        file.close()
-            if session.participant.rating is not None:
-                with suppress(BaseException):
-                    session.participant.rating.close()
+                    file.close()
         self.server_folder, self.sessions, self.queues, self.running = None, {}, {}, {}
         for page in self.pages.values():
             page.lose()
@@ -231,7 +226,12 @@ class Simulation:
         except StopIteration:
             del self.running[id]
             return
-        self.at(sleeping.seconds, lambda: (self._go_on(id, generation), self._serve(id))[0])
+
+        def wake() -> None:
+            self._go_on(id, generation)
+            self._serve(id)
+
+        self.at(sleeping.seconds, wake)
 
     async def _answer(self, id: str, connection: _Connection, data: str) -> None:
         if id not in self.sessions:
@@ -283,7 +283,7 @@ class Page:
         self._view: Any = None
         self._order: list[str] = []  # of the steps
         self._farthest = 0  # index of the farthest step that was shown
-        self._ticks: tuple[int, int] = (-1, 0)  # number of the run on show, and its ticks
+        self._ticks = ("", 0)  # step of the run on show, and its ticks
         self._sent: dict[str, list[Any]] = {}  # answers by step
         self._turn = 0  # counts what the page has begun, so that a click that was planned before is void
 
@@ -348,8 +348,12 @@ class Page:
         self._plan(self.world.random.uniform(0.05, 0.5))
 
     def _check_ticks(self) -> None:
-        drive = self._view["drive"]
-        self._ticks = (drive["run"], drive["ticks"])
+        """Compare a run with its former state; the journal has each tick, but is synced at the end of the run only."""
+        step, ticks = self._ticks
+        self._ticks = (self.step, self._view["drive"]["ticks"])
+        is_safe = not (self.world.disk_failed or self.world.power_was_cut)
+        if is_safe and self.step == step and self._ticks[1] < ticks:
+            raise Violation(f"{self.id}: {step} had {ticks} ticks, then {self._ticks[1]}")
 
     def _plan(self, delay: float) -> None:
         self._turn += 1
@@ -405,6 +409,7 @@ class Page:
             if drive["isPractice"]:
                 self._send({"type": "finish_practice", "run": run})
             elif chance() < 0.1 and drive["allowed"]["discard"]:
+                self._ticks = ("", 0)  # another scene replaces the run
                 self._send({"type": "discard", "run": run})
             else:
                 self._send({"type": "keep", "run": run})
@@ -425,8 +430,8 @@ class Page:
         """
         runs = [id for id in self._order if id.startswith("run")]
         files = sorted(out.glob(f"{self.id}__*.json"))
-        if len(files) != 2:
-            raise Violation(f"{self.id}: {len(files)} kept runs instead of 2: {runs}")
+        if len(files) != len(runs):
+            raise Violation(f"{self.id}: {len(files)} kept runs instead of {len(runs)}")
         answers, personal = (
             [json.loads(line) for line in (out / "study" / name / f"{self.id}.jsonl").read_text().splitlines()]
             for name in ("answers", "personal")
@@ -440,7 +445,7 @@ class Page:
             if found not in sent:
                 raise Violation(f"{self.id}: {step} has the answer {found}, never given: {sent}")
         ratings = [rating for rating in ratings_of(out / "rated" / "polite") if rating.rater == self.id]
-        # a run whose file cannot be read is skipped
+        # a recorded run is skipped if its file cannot be read
         is_complete = len(ratings) >= 2 or self.world.disk_failed
         if len(ratings) != len({(rating.file, rating.showing) for rating in ratings}) or not is_complete:
             raise Violation(f"{self.id}: the ratings are {ratings}")
@@ -455,7 +460,7 @@ def create_study(folder: Path) -> Study:
 
 
 def simulate(seed: int, study: Study) -> str:
-    """What is wrong in the simulation of a seed; empty if nothing is."""
+    """Simulate a seed; returns the violation or the traceback, or an empty text."""
     memory = Path("/dev/shm")
     with tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None) as folder:
         try:
