@@ -117,20 +117,13 @@ def saved(save: Callable[[Path], object], suffix: str) -> bytes:
         return path.read_bytes()
 
 
-def steps(wrap: Callable[[s2g.SocialNavEnv], Any], **arguments: Any) -> Any:
+def steps(wrap: Callable[[s2g.SocialNavEnv], Any]) -> Any:
     """Spaces, observations and rewards of three steps, and the settings of the wrapper."""
-    env = wrap(s2g.SocialNavEnv("lively", order="scene", **arguments))
+    env = wrap(s2g.SocialNavEnv("lively", order="scene"))
     results = [env.reset(seed=3)[0]] + [env.step(env.action_space.sample() * 0)[:3] for _ in range(3)]
     space = env.observation_space
     bounds = {name: (box.low, box.high) for name, box in space.items() if hasattr(box, "low")}
     return bounds, results, repr(env.spec)
-
-
-class Doubled(s2g.SnapshotPart):
-    about = frozenset({"robot"})
-
-    def fill(self, snapshot: s2.Snapshot, rows: Any, out: Any) -> None:
-        out[:] = snapshot.robot.position[0]
 
 
 def reward(kind: Any, n: Number) -> Any:
@@ -193,9 +186,9 @@ def scenario(n: Number) -> Any:
     return config, document(s2.StraightToGoal(), s2.generate(config, seed=1))
 
 
-def interval(level: Any, n: Number) -> Any:
+def interval(n: Number) -> Any:
     values = np.array([n(k) for k in (1, 2, 2, 5)])
-    return s2m.bootstrap_interval(values, level=level), s2m.summarise([n(k) for k in (1, 2, 2, 5)])
+    return s2m.bootstrap_interval(values), s2m.summarise([n(k) for k in (1, 2, 2, 5)])
 
 
 def picture(subject: Callable[[], Any], n: Number) -> bytes:
@@ -275,8 +268,8 @@ CASES: dict[str, Callable[[Number], Any]] = {
     ),
     "sonata2d.learning.graph.modern_graph": lambda n: s2lg.modern_graph(record(), 15, interval=n(1)),
     "sonata2d.learning.graph.kept_ticks": lambda n: s2lg.kept_ticks(np.array([n(k) for k in range(9)]), n(2)),
-    "sonata2d.metrics.bootstrap_interval": lambda n: interval(0.9, n),
-    "sonata2d.metrics.summarise": lambda n: interval(0.9, n),
+    "sonata2d.metrics.bootstrap_interval": interval,
+    "sonata2d.metrics.summarise": interval,
     "sonata2d.study.StudyConfig": study,
     "sonata2d.view.between": lambda n: [s2v.between(*snapshots()[3:5], n(k)) for k in (0, 1)],
     "sonata2d.view.Painter.draw": painted,

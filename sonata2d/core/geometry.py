@@ -125,6 +125,11 @@ class Disc:
     radius: Positive
 
     @property
+    def sides(self) -> tuple[float, float]:
+        """Length and width of the square around the disc, m."""
+        return 2.0 * self.radius, 2.0 * self.radius
+
+    @property
     def circumradius(self) -> float:
         """Radius of the smallest circle around the centre that contains the shape, m."""
         return self.radius
@@ -145,6 +150,11 @@ class Rectangle:
 
     length: Positive
     width: Positive
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Length and width, m."""
+        return self.length, self.width
 
     @property
     def circumradius(self) -> float:

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..core.arguments import finite_number
 from ..core.entities import Interaction
 from ..core.humans import frozen
 from ..core.portable_math import Array, BoolArray, IntArray
@@ -111,9 +112,7 @@ def with_pose_noise(
     Raises:
         ValueError: a standard deviation is negative or not finite.
     """
-    for name, value in (("position", position), ("angle", angle)):
-        if not 0.0 <= value < np.inf:
-            raise ValueError(f"{name} must be a standard deviation of 0 or more, got {value}")
+    position, angle = finite_number("position", position, 0.0), finite_number("angle", angle, 0.0)
     errors = _normal(seed, (*motion.humans.shape[:2], 4))
     humans = motion.humans.copy()
     humans[..., X : Y + 1] += position * errors[..., 0:2]

@@ -15,7 +15,6 @@ from ..core.entities import Furniture
 from ..core.geometry import Disc
 from ..core.portable_math import Array
 from ..core.relations import RELATIONS
-from ..record.layout import interactions_from_rows
 from ..record.record import EpisodeRecord
 from ..registry import furniture_type
 
@@ -32,10 +31,11 @@ def collate(items: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """
     batch = {"frames": torch.tensor([len(item["time"]) for item in items])}
     for name in dict.fromkeys(name for item in items for name in item):
-        parts = [torch.as_tensor(item[name]) if name in item else torch.tensor(math.nan) for item in items]
+        absent = torch.tensor(math.nan, dtype=torch.float64)  # as labels, which alone may be missing
+        parts = [torch.as_tensor(item.get(name, absent)) for item in items]
         dimensions = max(part.ndim for part in parts)
         parts = [part.reshape(part.shape + (1,) * (dimensions - part.ndim)) for part in parts]
-        dtype = torch.promote_types(parts[0].dtype, parts[-1].dtype)
+        dtype = parts[0].dtype
         filling = math.nan if dtype.is_floating_point else False if dtype == torch.bool else -1
         shape = [max(part.shape[axis] for part in parts) for axis in range(dimensions)]
         batch[name] = torch.full((len(parts), *shape), filling, dtype=dtype)
@@ -86,7 +86,8 @@ class Episodes(torch.utils.data.Dataset):  # type: ignore[misc]
 def tensors(record: EpisodeRecord) -> dict[str, Any]:
     """The arrays of an episode as tensors; see `Dataset.to_torch`."""
     names = ("time", "robot", "humans", "present", "activity", "command", "executed")
-    scene, goal = record.scene(), record.scene().goal
+    scene = record.scene()
+    goal = scene.goal
     ids = [*(human.id for human in scene.humans), *(piece.id for piece in scene.furniture)]
     index = {id: k for k, id in enumerate(ids)}
     arrays = {
@@ -97,9 +98,9 @@ def tensors(record: EpisodeRecord) -> dict[str, Any]:
     }
     types = [furniture_type(piece.type).number for piece in scene.furniture]
     links = [
-        (tick, index[link.src], RELATIONS.index(link.relation), index[link.dst])
+        (tick, index[source], RELATIONS.index(relation), index[destination])
         for tick, frame in enumerate(record.document["frames"])
-        for link in interactions_from_rows(frame["interactions"])
+        for source, relation, destination in frame["interactions"]
     ]
     return {
         **{name: torch.tensor(getattr(record, name)) for name in names},
@@ -115,10 +116,8 @@ def _rows(rows: list[tuple[float, ...]], width: int) -> Array:
 
 
 def _object_row(piece: Furniture) -> tuple[float, ...]:
-    shape, pose = piece.shape, piece.pose
-    if isinstance(shape, Disc):
-        return pose.x, pose.y, pose.theta, 2 * shape.radius, 2 * shape.radius, 1.0
-    return pose.x, pose.y, pose.theta, shape.length, shape.width, 0.0
+    pose = piece.pose
+    return pose.x, pose.y, pose.theta, *piece.shape.sides, float(isinstance(piece.shape, Disc))
 
 
 def _labels(record: EpisodeRecord) -> dict[str, Array]:

@@ -171,9 +171,8 @@ def _object(thing: Furniture, type: str) -> JsonDict:
 
 
 def _shape(shape: Shape) -> JsonDict:
-    if isinstance(shape, Disc):
-        return {"type": "circle", "width": 2 * shape.radius, "length": 2 * shape.radius}
-    return {"type": "rectangle", "width": shape.width, "length": shape.length}
+    length, width = shape.sides
+    return {"type": "circle" if isinstance(shape, Disc) else "rectangle", "width": width, "length": length}
 
 
 def _goal(record: EpisodeRecord) -> JsonDict:

@@ -11,7 +11,7 @@ import numpy as np
 import orjson
 
 from ..core.furniture_types import LAPTOP, PLANT
-from ..core.geometry import Disc, Shape
+from ..core.geometry import Shape
 from ..core.portable_math import Array, IntArray
 from ..core.relations import ACTIVITIES, AT_LAPTOP, ORIGINAL_RELATIONS, RELATION, RELATIONS
 from ..core.scene import Scene
@@ -206,9 +206,7 @@ def _interactions(scene: Scene, rows: list[list[Any]]) -> list[JsonDict]:
 
 def _size(shape: Shape) -> JsonDict:
     """Extent of the bounding box along the object's own x and y, m."""
-    if isinstance(shape, Disc):
-        return {"size_x": 2 * shape.radius, "size_y": 2 * shape.radius}
-    return {"size_x": shape.length, "size_y": shape.width}
+    return dict(zip(("size_x", "size_y"), shape.sides, strict=True))
 
 
 def _original_text(frames: list[JsonDict]) -> bytes:

@@ -48,12 +48,12 @@ def describe(env: Env) -> dict[str, Any]:
                 f"the wrapper {type(wrapper).__name__} cannot be described; use wrappers of sonata2d.gym, or "
                 "pass the environment itself to PolicyController"
             )
-    robot = base.config.robot
+    robot, read = base.config.robot, parts_read(env)
     return {
         "sizes": asdict(base.encoder.sizes),
         "entities": asdict(base.entities),
         "order": base.encoder.order,
-        "parts": {part.name: part.record() for part in base.encoder.parts if part.name in parts_read(env)},
+        "parts": {part.name: part.record() for part in base.encoder.parts if part.name in read},
         "robot": {"kinematics": robot.kinematics, "limits": asdict(robot.limits)},
         "wrappers": wrappers,
     }

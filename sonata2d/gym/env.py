@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, SupportsFloat
@@ -250,9 +251,10 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         numbers = np.asarray(action)
         if numbers.dtype.kind not in "fiu":
             raise TypeError(f"an action holds real numbers, got {shown(action)}")
-        if not np.isfinite(numbers).all():
+        values = [float(value) for value in numbers.tolist()]
+        if not all(map(math.isfinite, values)):
             raise ControllerError(f"an action holds finite numbers, got {shown(action)}")
-        forward, *sideways, turn = (min(max(float(value), -1.0), 1.0) for value in numbers.tolist())
+        forward, *sideways, turn = (min(max(value, -1.0), 1.0) for value in values)
         vx = forward * (limits.ahead if forward > 0.0 else limits.back)
         return Twist(vx, sideways[0] * limits.sideways if sideways else 0.0, turn * limits.turn)
 

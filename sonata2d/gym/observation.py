@@ -19,7 +19,7 @@ from ..core.relations import RELATIONS
 from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
-from ..core.state import HUMAN_SIZE, ROBOT_SIZE
+from ..core.state import HUMAN_SIZE, ROBOT_SIZE, State
 from ..core.wording import shown
 from ..scenegen.floor_plans import draw_floor_plan
 from ..scenegen.scenario.config import ScenarioConfig
@@ -174,7 +174,7 @@ class Encoder:
         observation: Observation = {name: np.zeros(shape, dtype) for name, shape, dtype in self._arrays}  # type: ignore[arg-type]
         state = snapshot.state
         _choose_rows(
-            self._scene.argument, state.row, self._everybody if state.is_present is None else state.is_present,
+            self._scene.argument, state.row, self.present(state),
             self._interaction_rows(snapshot), observation["humans_mask"], observation["objects_mask"],
             observation["walls_mask"], observation["interactions_mask"],
         )  # fmt: skip
@@ -182,6 +182,10 @@ class Encoder:
             part.fill(snapshot, self.rows, observation[part.name])
         self.derive(observation)
         return observation
+
+    def present(self, state: State) -> BoolArray:
+        """Whether each pedestrian of the scene is in the room, (N,)."""
+        return self._everybody if state.is_present is None else state.is_present
 
     def derive(self, observation: Observation) -> None:
         """Compute the derived parts of an observation from its rows, in place.

@@ -401,7 +401,7 @@ def table_of(part: type[ObservationPart], observation: Observation) -> Table:
 def _object_row(piece: Furniture) -> tuple[float, ...]:
     """Columns of `Objects`, world frame."""
     shape, pose, is_disc = piece.shape, piece.pose, isinstance(piece.shape, Disc)
-    length, width = (2.0 * shape.radius,) * 2 if isinstance(shape, Disc) else (shape.length, shape.width)
+    length, width = shape.sides
     return *pose.position, *pose.direction, min(length, FARTHEST), min(width, FARTHEST), float(is_disc)
 
 

@@ -69,7 +69,7 @@ def measure_ranges(
         row: of a `State` with N pedestrians.
         is_present: (N,), pedestrians that are in the room.
         radius, shoulder: (N,), of their bodies, m.
-        barriers: (M, 5), both ends and radius of thick segments, m, world frame.
+        barriers: `Barriers.table`, one row for each of M thick segments, m, world frame.
         directions: (R, 2), unit vectors, in the robot's frame.
         ranges: (R,), m, is updated.
     """

@@ -94,10 +94,14 @@ class EpisodeWrapper(gymnasium.ObservationWrapper[Any, Any, Any], RecordConstruc
         return space
 
     def _bodies(self) -> tuple[Array, BoolArray, Array, Array]:
-        """Of the present state: its row, and who is in the room, (N,); radius and shoulder of all pedestrians, (N,)."""
+        """The first arguments of the kernels of `sensing`.
+
+        Returns:
+            The row of the present state; for each of the N pedestrians, whether it is in the room, (N,), its radius
+            and half the length of its shoulder line, (N,), m.
+        """
         state, table = self._base.snapshot.state, self._base.scene.human_table
-        is_present = np.ones(len(table.id), dtype=bool) if state.is_present is None else state.is_present
-        return state.row, is_present, table.radius, table.shoulder
+        return state.row, self._base.encoder.present(state), table.radius, table.shoulder
 
     @property
     def _base(self) -> SocialNavEnv:

@@ -128,7 +128,7 @@ def test_walls_and_people_hide_what_is_behind_them() -> None:
 
 def test_people_without_a_row_hide_what_is_behind_them() -> None:
     plant, person = Furniture(10, "plant", Pose(3.0, 0.0, 0.0), Disc(0.2)), Human(1, Pose(2.0, 0.0, math.pi))
-    beside = Human(2, Pose(0.0, 1.0, 0.0))  # the nearest, who has the only row
+    beside = Human(2, Pose(0.0, 1.0, 0.0))  # the nearest pedestrian, which has the only row
     for entities, mask in (((plant, beside), 1.0), ((plant, beside, person), 0.0)):
         assert observed(s2g.FieldOfView, *entities, sizes={"humans": 1})["objects_mask"].tolist() == [mask, 0.0, 0.0]
 
