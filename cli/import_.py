@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -12,32 +13,24 @@ from sonata2d.registry import FORMATS
 from .command import Command
 from .options import PATH, examples, json_option, registry_option
 from .output import progress
-from .transfer import require_supported, show_transfer
+from .transfer import require_supported, show_transfer, track_options
 
 
 @click.command(
     cls=Command,
-    epilog=examples("import old --from sonata -o episodes", "import eth.txt --from csv --frame-time 0.04 -o eth.json"),
+    epilog=examples(
+        "import old --from sonata -o episodes",
+        "import eth.txt --from tracks --frame-rate 15 -o eth.json",
+        "import people.txt --from tracks --unit cm --columns id,frame,x,y,z --frame-rate 16 -o episodes",
+    ),
 )
 @click.argument("source", type=PATH, metavar="DIR|FILE")
 @click.option("--from", "format", **registry_option(FORMATS), required=True, help="Format; see docs/formats.md.")
 @click.option("-o", "--output", type=PATH, required=True, help="Folder; for a single file, a folder or a .json file.")
-@click.option(
-    "--frame-time",
-    type=click.FloatRange(1e-6, 3600.0),
-    help="Duration of one frame number in seconds, for track files without times.",
-)
+@track_options
 @click.option("--renumber", is_flag=True, help="Format socnav3: replace ids that a file uses twice by new ones.")
-@click.option(
-    "--walls",
-    type=click.Path(path_type=Path, exists=True, dir_okay=False),
-    metavar="FILE",
-    help="Walls of the room, x1,y1,x2,y2 in m, for formats whose files may lack them.",
-)
 @json_option
-def command(
-    source: Path, format: str, output: Path, frame_time: float | None, renumber: bool, walls: Path | None
-) -> None:
+def command(source: Path, format: str, output: Path, **options: Any) -> None:
     """Import episodes from files of another program.
 
     Each episode records which data its source lacks. Invalid files are refused; the exit code is then 1.
@@ -46,9 +39,9 @@ def command(
     from sonata2d.formats.format import Options
 
     with progress(count_sources(source, format), "files") as advance:
-        options = Options(frame_time=frame_time, renumber=renumber, walls=walls)
-        require_supported(format, options)
-        result = import_from(source, format, output, options, advance=advance)
+        chosen = Options(**options)  # options have the names of its fields
+        require_supported(format, chosen)
+        result = import_from(source, format, output, chosen, advance=advance)
     line = f"{output}: {counted(len(result.files), 'episode')} from {format}"
     if output.is_dir():
         line += "; a folder of episodes, not a data set: split, merge and card need a manifest"

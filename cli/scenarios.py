@@ -11,6 +11,7 @@ from .command import Group
 from .controllers import controller_option
 from .options import PATH, examples, json_option
 from .output import progress, show_json, show_result, show_table, wants_json
+from .transfer import TRACK_OPTIONS, show_tracks, track_options
 
 
 @click.group(cls=Group)
@@ -82,9 +83,7 @@ def draw_scenario(scenario: str, output: Path, scenes: int, seed: int) -> None:
 )
 @click.argument("tracks", type=PATH, metavar="FILE")
 @click.option("-o", "--output", type=PATH, required=True, help="Scenario file to write, .yaml or .json.")
-@click.option(
-    "--walls", type=PATH, help="Walls as csv: x1, y1, x2, y2, m.  [default: FILE.obstacles.csv, if it exists]"
-)
+@track_options
 @click.option(
     "--people",
     type=click.Choice(["replayed", "simulated"]),
@@ -98,7 +97,6 @@ def draw_scenario(scenario: str, output: Path, scenes: int, seed: int) -> None:
 @click.option("--seconds", type=click.FloatRange(0.1), default=60.0, help="Length of the time window, s.")
 @click.option("--robot", type=(float,) * 3, metavar="X Y THETA", help="Start pose, m and rad.  [default: random]")
 @click.option("--goal", type=(float,) * 2, metavar="X Y", help="Position of the goal, m.  [default: random]")
-@click.option("--frame-time", type=click.FloatRange(1e-6, 3600.0), help="Duration of a frame, s, if not in the file.")
 @click.option(
     "--speed", type=click.FloatRange(0.1, 5.0), help="Speed of people with short tracks, m/s.  [default: random]"
 )
@@ -106,19 +104,25 @@ def draw_scenario(scenario: str, output: Path, scenes: int, seed: int) -> None:
 def scenario_from_tracks(tracks: Path, output: Path, **options: Any) -> None:
     """Create a scenario from recorded tracks of people.
 
-    FILE is a csv file with the columns frame, ped, x and y, or a TrajNet++ file (.ndjson).
+    FILE is in any layout that `import --from tracks` reads.
     """
-    from sonata2d.formats import from_tracks
+    from sonata2d.formats.format import Options
+    from sonata2d.formats.from_tracks import save_scenario, scenario_and_summary
 
     if output.exists():
         raise click.UsageError(f"{output} already exists; give a new file name, or remove the file first")
-    config = from_tracks.scenario_from_tracks(tracks, **options)  # options have the names of its arguments
-    from_tracks.save_scenario(config, output)
+    of_reader = {name: options.pop(name) for name in TRACK_OPTIONS}
+    config, summary = scenario_and_summary(tracks, Options(**of_reader), **options)  # options have its arguments' names
+    save_scenario(config, output)
     replayed = sum(person.resolved_behaviour == "recorded" for person in config.people)
+    show_tracks({tracks: summary.to_json()})
     show_result(
-        {"scenario": str(output), "people": len(config.people), "replayed": replayed, "walls": len(config.room.walls)},
+        {
+            "scenario": str(output), "people": len(config.people), "replayed": replayed,
+            "walls": len(config.room.walls), "tracks": summary.to_json(),
+        },
         f"{output}: {config.description}; {len(config.people)} people, {replayed} of them replayed",
-    )
+    )  # fmt: skip
 
 
 @command.command(

@@ -214,6 +214,7 @@ FORMATS = Registry(
         "sonata": "sonata2d.formats.sonata:FORMAT",
         "socnav3": "sonata2d.formats.socnav3:FORMAT",
         "csv": "sonata2d.formats.csv_tracks:FORMAT",
+        "tracks": "sonata2d.formats.tracks.document:FORMAT",
         "trajnet": "sonata2d.formats.trajnet:FORMAT",
         "npz": "sonata2d.formats.npz:FORMAT",
         "parquet": "sonata2d.formats.parquet:FORMAT",

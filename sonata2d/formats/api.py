@@ -18,6 +18,7 @@ from ..datasets.workers.processes import end_if_unguarded
 from ..datasets.workers.tasks import stop_if_over, stop_if_unwanted
 from ..errors import RecordError, UnsuitableEpisode
 from ..record.files import SUFFIXES, compress, episode_key, file_exists, safe_text, write_atomically
+from ..record.layout import JsonDict
 from ..record.reader import read_episode
 from ..record.shard_file import is_shard
 from ..registry import FORMATS
@@ -57,12 +58,14 @@ class TransferResult:
         refused: files that could not be read, converted or written.
         skipped: valid episodes that the format cannot hold, or that its readers would misinterpret.
         notes: remarks on the files that were written.
+        tracks: facts about the recorded tracks of each file that was written, see `TrackSummary`.
     """
 
     files: list[Path]
     refused: list[Omission] = field(default_factory=list)
     skipped: list[Omission] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    tracks: dict[Path, JsonDict] = field(default_factory=dict, compare=False)
 
     def add_omission(self, file: Path, error: RecordError) -> None:
         """Record why a file was not transferred."""
@@ -387,9 +390,12 @@ def import_from(
         raise RecordError(f"{folder} holds a data set; choose another folder")
     files = _sources(source, chosen)
     if files != [source]:
-        others = [file.name for file in source.iterdir() if file.is_file() and not file.name.endswith(chosen.suffix)]
+        suffixes = (chosen.suffix, *chosen.other_suffixes)
+        others = [file.name for file in source.iterdir() if file.is_file() and not file.name.endswith(suffixes)]
         if others:
-            result.notes.append(f"{len(others)} files of {source} do not end in {chosen.suffix} and are not read")
+            result.notes.append(
+                f"{len(others)} files of {source} do not end in {' or '.join(suffixes)} and are not read"
+            )
     for file in files:
         try:
             for document in read(file, options):
@@ -401,6 +407,8 @@ def import_from(
                     path = _free(path, written)
                 _write(path, compress(data, path), file, written)
                 result.files.append(path)
+                if summary := document.get("imported", {}).get("tracks"):
+                    result.tracks[path] = summary
         except RecordError as error:
             result.add_omission(file, error)
         advance(1)
@@ -417,9 +425,12 @@ def _sources(source: Path, chosen: Format) -> list[Path]:
         return [source]
     if not source.is_dir():
         raise RecordError(f"{source} does not exist")
-    files = sorted(file for file in source.glob(f"*{chosen.suffix}") if not file.name.endswith(".obstacles.csv"))
+    suffixes = (chosen.suffix, *chosen.other_suffixes)
+    files = sorted(
+        file for suffix in suffixes for file in source.glob(f"*{suffix}") if not file.name.endswith(".obstacles.csv")
+    )
     if not files:
-        raise RecordError(f"{source} holds no {chosen.suffix} files")
+        raise RecordError(f"{source} holds no {' or '.join(suffixes)} files")
     return files
 
 

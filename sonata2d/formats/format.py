@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsFloat
 
 import numpy as np
 
@@ -27,6 +27,11 @@ class Options(FloatFields):
     Attributes:
         original: reproduce the quirks of the program that the format comes from.
         frame_time: duration of one frame number, s, for track files without times.
+        frame_rate: frame numbers per second, Hz, in place of `frame_time`.
+        columns: on import, names of the columns of a track file in its order: `frame`, `ped`, `x`, `y`, `z`, `t`,
+            `group`, `kind`, and `-` for others.
+        unit: on import of tracks, unit of the positions: `m`, `cm`, `mm`, `ft`, or a number of metres, e.g. of a pixel.
+        homography: on import of tracks, a file with the matrix from picture to ground in m, or with the scale.
         context: text for the readers of an exported run; None: the context of the episode; empty: no context.
         types: type of an object that a format does not list: the type that is written in its place.
         renumber: on import, replace ids that a file uses twice by new ones.
@@ -35,6 +40,10 @@ class Options(FloatFields):
 
     original: bool = False
     frame_time: float | None = None
+    frame_rate: float | None = None
+    columns: tuple[str, ...] | None = None
+    unit: str | SupportsFloat | None = None
+    homography: Path | None = None
     context: str | None = None
     types: Mapping[str, str] = field(default_factory=dict)
     renumber: bool = False
@@ -78,6 +87,7 @@ class Format:
         tables: writes tables of all episodes, or of parts of large data sets.
         note: a remark on the exported file of an episode, for the caller; None if there is nothing to remark.
         options: names of the fields of `Options` that the format uses; others are refused.
+        other_suffixes: of more files that are read.
 
     Example:
         >>> Format("goal position: x, y in m", ".goal.txt", export=lambda record, options: b"3.0 0.0").suffix
@@ -91,6 +101,7 @@ class Format:
     tables: Tables | None = None
     note: Callable[[EpisodeRecord, Options], str | None] | None = None
     options: frozenset[str] = frozenset()
+    other_suffixes: tuple[str, ...] = ()
 
 
 def header_of(document: JsonDict) -> JsonDict:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection
-from dataclasses import dataclass
+import math
+import warnings
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, SupportsFloat
 
 import numpy as np
 
 from ..core.entities import Human
-from ..core.files.limits import MAX_PERSON_SPEED, MAX_YAML_BYTES
-from ..core.geometry import Barriers, Point, Pose, quantised
+from ..core.files.limits import MAX_YAML_BYTES
+from ..core.geometry import Barriers, Point, Pose, inside_polygon, quantised
 from ..core.portable_math import Array
 from ..errors import ConfigError, RecordError
 from ..record.files import write_atomically
@@ -21,10 +23,11 @@ from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.people import path_segments
 from ..scenegen.scenario.sections import GoalConfig
-from . import csv_tracks, estimates, trajnet
+from . import estimates
 from .format import Options
-from .importing import parsing
-from .tracks import Tracks
+from .tracks.judgement import TrackSummary
+from .tracks.observations import Track
+from .tracks.reading import read_tracks
 
 _BODY_RADIUS = Human(1, Pose(0.0, 0.0)).shape.circumradius  # m: bodies are apart however they turn
 _ALLOWED_OVERLAP = 0.03  # m, of outlines at the start; the physics separates them soon
@@ -56,6 +59,10 @@ def scenario_from_tracks(
     goal: Point | None = None,
     frame_time: float | None = None,
     speed: float | None = None,
+    frame_rate: float | None = None,
+    columns: Sequence[str] | None = None,
+    unit: str | SupportsFloat | None = None,
+    homography: str | Path | None = None,
 ) -> ScenarioConfig:
     """Make the scenario of a recording: its pedestrians, its walls, a room around them, and a robot.
 
@@ -64,26 +71,34 @@ def scenario_from_tracks(
     overlap at the start, they are moved apart by the few centimetres that this takes.
 
     Args:
-        path: a track file: `csv` (frame, ped, x, y, optionally t and group) or TrajNet++ (`.ndjson`).
+        path: a track file in any layout that `import` reads.
         people: what happens with all pedestrians.
         replay: ids of the pedestrians who are replayed while the others are simulated; overrides `people`.
         start: beginning of the time window, s from the first frame; rounded to a frame.
         seconds: length of the time window and time limit of the episodes, s.
-        walls: a file of x1, y1, x2, y2; by default NAME.obstacles.csv beside NAME.csv, if it exists.
-        robot: start pose x, y, theta, m and rad; by default drawn for each episode within 1 m of a track.
-        goal: x, y of the robot's goal, m; by default drawn like the start.
+        walls: a file of x1, y1, x2, y2; by default NAME.obstacles.csv beside NAME.csv, else the walls in the file.
+        robot: start pose x, y, theta, m and rad; by default that of the recorded robot, else drawn for each
+            episode within 1 m of a track.
+        goal: x, y of the robot's goal, m; by default where the recorded robot is last, or drawn like the start.
         frame_time: duration of one frame number, s, for files that do not give it.
         speed: desired speed of pedestrians whose tracks are too short to show it, m/s; by default drawn. NAME.json
             beside NAME.csv overrides the desired speed of all pedestrians.
+        frame_rate: frame numbers per second, Hz, in place of `frame_time`.
+        columns: names of the columns of a table in its order, `-` for one that is left out.
+        unit: `m`, `cm`, `mm`, `ft`, or a number of metres.
+        homography: a file with the 3 x 3 matrix from picture to ground, m, or with a scale.
 
     Returns:
         A scenario that `generate` accepts.
 
     Raises:
-        RecordError: a file is damaged, or a track has gaps, jumps, or two positions at once.
+        RecordError: a file is damaged, does not show units, times or columns, or holds tracks that no people can walk.
         ConfigError: no pedestrian is present in the time window, an id of `replay` is not, or the robot's start or goal
             is more than 10 m from all tracks and walls.
         SceneError: the robot would start on a pedestrian, or no path leads from its start to its goal.
+
+    Warns:
+        UserWarning: the tracks are doubtful: the frame rate, the unit or ids may be wrong.
 
     Example:
         >>> rows = [f"{k},{ped},{0.5 * k},{ped}" for k in range(20) for ped in (1, 2)]
@@ -92,10 +107,46 @@ def scenario_from_tracks(
         >>> len(config.people)
         2
     """
-    path = Path(path)
-    tracks, step, common_speed = _read_tracks(path, frame_time)
-    begin = round(start / step) * step
-    parts = _in_window(tracks, begin, begin + seconds, path)
+    options = Options(
+        frame_time=frame_time,
+        frame_rate=frame_rate,
+        columns=None if columns is None else tuple(columns),
+        unit=unit,
+        homography=None if homography is None else Path(homography),
+        walls=None if walls is None else Path(walls),
+    )
+    config, summary = scenario_and_summary(
+        Path(path),
+        options,
+        people=people,
+        replay=replay,
+        start=start,
+        seconds=seconds,
+        robot=robot,
+        goal=goal,
+        speed=speed,
+    )
+    for doubt in summary.doubts:
+        warnings.warn(f"{path}: {doubt}", stacklevel=2)
+    return config
+
+
+def scenario_and_summary(
+    path: Path,
+    options: Options,
+    *,
+    people: Literal["replayed", "simulated"],
+    replay: Collection[int],
+    start: float,
+    seconds: float,
+    robot: tuple[float, float, float] | None,
+    goal: Point | None,
+    speed: float | None,
+) -> tuple[ScenarioConfig, TrackSummary]:
+    """Make the scenario of a recording, and a summary of its tracks; see `scenario_from_tracks`."""
+    tracks, summary = read_tracks(path, options)
+    begin = round(start / tracks.interval) * tracks.interval
+    parts = _in_window(tracks.people, begin, begin + seconds, path)
     _check_replay_ids(set(replay), [part.id for part, _ in parts], path)
     rows = [
         _replayed_person(part, whole, speed)
@@ -103,122 +154,50 @@ def scenario_from_tracks(
         else _simulated_person(part, whole, seconds, speed)
         for part, whole in parts
     ]
-    if common_speed is not None:
-        rows = [row | {"desired_speed": common_speed} if row.keys() & {"goals", "track"} else row for row in rows]
-    wall_rows = csv_tracks.read_walls(Path(walls)) if walls is not None else csv_tracks.walls_beside(path)
-    rows = _separate_bodies([_without_single_group(row, rows) for row in rows], wall_rows)
+    if tracks.desired_speed is not None:
+        common = {"desired_speed": tracks.desired_speed}
+        rows = [row | common if row.keys() & {"goals", "track"} else row for row in rows]
+    walls = tracks.walls
+    rows = _separate_bodies([_without_single_group(row, rows) for row in rows], walls)
+    recorded = tracks.robot and _within(tracks.robot, begin, begin + seconds)
+    if recorded:
+        robot, goal = robot or _start_of(recorded), goal or _point(recorded.position[-1])
     mode = "mixed" if replay else people
-    return _scenario(
-        {
-            "name": f"{path.name.split('.')[0]}-{mode}",
-            "description": f"people of {path.name}, {begin:g} to {begin + seconds:g} s, {mode}",
-            "room": {"polygon": _room(rows, wall_rows, robot, goal), "walls": wall_rows.tolist()},
-            "robot": ({} if robot is None else {"pose": robot})
-            | ({} if robot and goal else {"on_ways": _DISTANCE_TO_TRACKS}),
-            "goal": {"min_distance": _minimum_goal_distance(rows)} if goal is None else {"position": goal},
-            "rules": {"time_limit": seconds},
-            "people": rows,
-        },
-        path,
-    )
+    settings = {
+        "name": f"{path.name.split('.')[0]}-{mode}",
+        "description": f"people of {path.name}, {begin:g} to {begin + seconds:g} s, {mode}",
+        "room": {"polygon": _room(rows, walls, robot, goal), "walls": walls.tolist()},
+        "robot": ({} if robot is None else {"pose": robot})
+        | ({} if robot and goal else {"on_ways": _DISTANCE_TO_TRACKS}),
+        "goal": {"min_distance": _minimum_goal_distance(rows)} if goal is None else {"position": goal},
+        "rules": {"time_limit": seconds},
+        "people": rows,
+    }
+    return _scenario(settings, path), summary
 
 
-@dataclass(frozen=True, slots=True)
-class _Track:
-    """Track of one pedestrian with K observations.
-
-    Attributes:
-        id: of the pedestrian.
-        time: (K,), s, rising.
-        position: (K, 2), m.
-        group: number of the group; 0 without a group.
-    """
-
-    id: int
-    time: Array
-    position: Array
-    group: int = 0
-
-    def within(self, start: float, end: float) -> _Track | None:
-        """Return the part in a time window, with times from its start; None with fewer than two observations."""
-        inside = (self.time >= start - 1e-9) & (self.time <= end + 1e-9)
-        if np.count_nonzero(inside) < 2:
-            return None
-        return _Track(self.id, np.maximum(self.time[inside] - start, 0.0), self.position[inside], self.group)
+def _point(position: Array) -> Point:
+    return quantised(float(position[0])), quantised(float(position[1]))
 
 
-def _read_tracks(path: Path, frame_time: float | None) -> tuple[list[_Track], float, float | None]:
-    """All tracks, the median time between observations, s, and the desired speed of all pedestrians if it is given."""
-    options = Options(frame_time=frame_time)
-    is_trajnet = path.suffix == ".ndjson"
-    observations: Tracks = trajnet.read_tracks(path, options) if is_trajnet else csv_tracks.read_tracks(path, options)
-    with parsing(path, trajnet.NAME if is_trajnet else csv_tracks.NAME):
-        tracks, step = _split_tracks(observations)
-    return tracks, step, None if is_trajnet else csv_tracks.desired_speed_beside(path)
+def _start_of(track: Track) -> tuple[float, float, float]:
+    """Pose at the beginning of a track, x, y, theta, along its first motion."""
+    away = np.flatnonzero(np.hypot(*(track.position - track.position[0]).T) > _STANDING_RADIUS / 5)
+    dx, dy = track.position[away[0] if len(away) else -1] - track.position[0]
+    return *_point(track.position[0]), quantised(math.atan2(float(dy), float(dx)))
 
 
-def _split_tracks(observations: Tracks) -> tuple[list[_Track], float]:
-    """Split the observations of a file into one track per pedestrian.
-
-    Frame numbers need not lie on a regular grid.
-
-    Args:
-        observations: of all pedestrians.
-
-    Returns:
-        The tracks, with times from the first frame of the file and the ids of the file, or one more if these start at
-        0; and the median time between observations, s.
-
-    Raises:
-        ValueError: no pedestrian is observed twice, or a track has a gap, a jump, or two positions at once.
-    """
-    order = np.lexsort((observations.frame, observations.ped))
-    ped, position = observations.ped[order], observations.position[order]
-    time = (observations.frame[order] - observations.frame.min()) * observations.frame_time
-    cuts = np.flatnonzero(np.diff(ped)) + 1
-    steps = np.concatenate([np.diff(part) for part in np.split(time, cuts)])
-    if not len(steps):
-        raise ValueError("it must hold a pedestrian who is observed in two frames or more")
-    median_step = float(np.median(steps))
-    shift, group = 1 - min(1, int(ped[0])), observations.group or {}
-    parts = zip(np.split(ped, cuts), np.split(time, cuts), np.split(position, cuts), strict=True)
-    tracks = [
-        _Track(int(ids[0]) + shift, times, positions, group.get(int(ids[0]), 0)) for ids, times, positions in parts
-    ]
-    for track in tracks:
-        _check_continuity(track, median_step)
-    return tracks, median_step
+def _within(track: Track, start: float, end: float) -> Track | None:
+    """Return the part in a time window, with times from its start; None with fewer than two observations."""
+    inside = (track.time >= start - 1e-9) & (track.time <= end + 1e-9)
+    if np.count_nonzero(inside) < 2:
+        return None
+    return replace(track, time=np.maximum(track.time[inside] - start, 0.0), position=track.position[inside])
 
 
-def _check_continuity(track: _Track, median_step: float) -> None:
-    steps = np.diff(track.time)
-    if (steps < 1e-9).any():
-        raise ValueError(f"person {track.id} is in two places at {track.time[int(np.argmin(steps))]:g} s")
-    gaps = np.flatnonzero(steps > 1.5 * median_step)
-    if len(gaps):
-        before, after = track.time[gaps[0]], track.time[gaps[0] + 1]
-        raise ValueError(
-            f"person {track.id} is not observed from {before:g} to {after:g} s; fill the gap, or give the track"
-            " after it another id"
-        )
-    speed = _speeds(track)
-    if len(speed) and speed.max() > MAX_PERSON_SPEED:
-        k = int(np.argmax(speed))
-        raise ValueError(
-            f"person {track.id} jumps at {speed[k]:.1f} m/s at {track.time[k]:g} s, faster than people run"
-            f" ({MAX_PERSON_SPEED:g} m/s); correct the track, or check that its unit is metres"
-        )
-
-
-def _speeds(track: _Track) -> Array:
-    """Return the speeds between successive observations; (K - 1,), m/s."""
-    step = np.diff(track.position, axis=0)
-    return np.asarray(np.hypot(step[:, 0], step[:, 1]) / np.diff(track.time), dtype=float)
-
-
-def _in_window(tracks: list[_Track], start: float, end: float, path: Path) -> list[tuple[_Track, _Track]]:
+def _in_window(tracks: Sequence[Track], start: float, end: float, path: Path) -> list[tuple[Track, Track]]:
     """The pedestrians who are present in a time window: that part of each track, and the whole track."""
-    parts = [(part, whole) for whole in tracks if (part := whole.within(start, end)) is not None]
+    parts = [(part, whole) for whole in tracks if (part := _within(whole, start, end)) is not None]
     if not parts:
         duration = max(float(whole.time[-1]) for whole in tracks)
         raise ConfigError(
@@ -233,7 +212,7 @@ def _check_replay_ids(replay: set[int], ids: list[int], path: Path) -> None:
         raise ConfigError(f"{path}: no pedestrian in the time window has the id {id}; the ids are {shown}")
 
 
-def _replayed_person(track: _Track, whole: _Track, default_speed: float | None) -> JsonDict:
+def _replayed_person(track: Track, whole: Track, default_speed: float | None) -> JsonDict:
     """Return the scenario row of a pedestrian who is moved along the recorded track.
 
     Args:
@@ -248,7 +227,7 @@ def _replayed_person(track: _Track, whole: _Track, default_speed: float | None) 
     return {"id": track.id} | _group(track) | _desired_speed(whole, default_speed) | {"track": rows}
 
 
-def _simulated_person(track: _Track, whole: _Track, end: float, default_speed: float | None) -> JsonDict:
+def _simulated_person(track: Track, whole: Track, end: float, default_speed: float | None) -> JsonDict:
     """Return the scenario row of a pedestrian who starts as recorded and walks to the recorded destination.
 
     Args:
@@ -277,13 +256,13 @@ def _simulated_person(track: _Track, whole: _Track, end: float, default_speed: f
     return row | {"exits": True} | _group(track) | _desired_speed(whole, default_speed)
 
 
-def _group(track: _Track) -> JsonDict:
+def _group(track: Track) -> JsonDict:
     return {"group": track.group} if track.group > 0 else {}
 
 
-def _desired_speed(whole: _Track, default: float | None) -> JsonDict:
+def _desired_speed(whole: Track, default: float | None) -> JsonDict:
     """The mean speed while walking, where the pedestrian walks long enough to show it."""
-    speed, duration = _speeds(whole), np.diff(whole.time)
+    speed, duration = whole.speeds(), np.diff(whole.time)
     walking = speed > _WALKING_SPEED
     if duration[walking].sum() < _MINIMUM_WALKING_TIME:
         return {} if default is None else {"desired_speed": default}
@@ -390,12 +369,15 @@ def _minimum_goal_distance(rows: list[JsonDict]) -> float:
 
 
 def _room(rows: list[JsonDict], walls: Array, robot: tuple[float, ...] | None, goal: Point | None) -> list[list[float]]:
-    """Corners of the axis-aligned box around tracks, walls, start and goal, (4, 2); its edges cut no track."""
-    positions = _positions(rows) + [list(place[:2]) for place in (robot, goal) if place is not None]
-    points = np.concatenate((np.array(positions, dtype=float), walls.reshape(-1, 2)))
-    return [
-        [round(v, _ROOM_DIGITS) for v in corner] for corner in estimates.bounding_box(points, _ROOM_MARGIN).tolist()
-    ]
+    """Corners of the room, counter-clockwise: of walls that enclose all tracks, start and goal, else of a box around.
+
+    The edges of the box, (4, 2), cut no track.
+    """
+    positions = np.array(_positions(rows) + [list(place[:2]) for place in (robot, goal) if place is not None])
+    enclosing = estimates.polygon_of(walls)
+    if enclosing is None or not inside_polygon(positions, enclosing).all():
+        enclosing = estimates.bounding_box(np.concatenate((positions, walls.reshape(-1, 2))), _ROOM_MARGIN)
+    return [[round(v, _ROOM_DIGITS) for v in corner] for corner in enclosing.tolist()]
 
 
 def save_scenario(config: ScenarioConfig, path: str | Path) -> None:

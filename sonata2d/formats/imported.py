@@ -53,6 +53,7 @@ class SourceEpisode:
         missing: keys that hold defaults as this source lacks them, besides the keys that all sources lack.
         derived: keys that were computed from the source, besides the keys that are computed for all sources.
         header: keys of the episode file that replace the defaults.
+        interval: step between even times, s; None: the median step, as a multiple of 0.1 ms.
     """
 
     time: Array
@@ -72,6 +73,7 @@ class SourceEpisode:
     missing: tuple[str, ...] = ()
     derived: tuple[str, ...] = ()
     header: JsonDict = field(default_factory=dict)
+    interval: float | None = None
 
 
 def episode_document(source: SourceEpisode, format: str, path: Path) -> JsonDict:
@@ -85,7 +87,7 @@ def episode_document(source: SourceEpisode, format: str, path: Path) -> JsonDict
     Returns:
         The document; its key `imported` lists which values are missing and which are derived.
     """
-    dt = _tick_length(source.time)
+    dt = _tick_length(source.time) if source.interval is None else round(source.interval, 12)
     header = _header(source, format, path, dt)
     command, missing = _commands(source, dt, header["robot"]["limits"])
     origin = {

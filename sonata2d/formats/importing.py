@@ -43,7 +43,7 @@ def parsing(path: Path, format: str) -> Iterator[None]:
     except MemoryError as error:
         raise RecordError(f"{path} is not a {format} file: its declared size does not fit into memory") from error
     except (TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
-        raise RecordError(f"{path} is not a valid {format} file: {one_line(error, 200)}") from error
+        raise RecordError(f"{path} is not a valid {format} file: {one_line(error, 400)}") from error
 
 
 def load_json(path: Path, format: str) -> Any:

@@ -13,11 +13,11 @@ from ..core.portable_math import Array
 from ..record.canonical import rounded, rounded_rows
 from ..record.layout import HUMAN_ANGLES, ROBOT_ANGLES, JsonDict
 from . import estimates
-from .csv_tracks import read_walls
 from .estimates import POSITION, THETA, VELOCITY
 from .format import Options
 from .imported import SourceEpisode, episode_document, goal_of, object_row
 from .importing import document_of, load_json, numbers, parsing, table
+from .tracks.reading import read_walls
 
 NAME = "socnav3"
 EXTRAS = "sonata2d"  # key of what the format has no place for: per step, and once per file

@@ -172,6 +172,22 @@ class Mirror(Part):
     )
 
 
+class ImportedTracks(Part):
+    """Facts about recorded tracks, by which a reader sees whether they were understood."""
+
+    persons: int
+    frames: int = Field(description="times from the first to the last observation")
+    interval: Number = Field(description="time between them, s")
+    median_speed: Number | None = Field(description="of people while they walk, m/s; null: nobody walks")
+    largest_speed: Number = Field(description="m/s")
+    width: Number = Field(description="of the area in which people were, m")
+    depth: Number = Field(description="of this area, m")
+    robot: bool = Field(description="whether the file has a robot's track")
+    walls: int
+    doubts: list[str] = Field(description="reasons why units, times or ids may be wrong")
+    notes: list[str] = Field(description="what was left out or repaired")
+
+
 class Imported(Part):
     """The file of another format that this episode was imported from. Missing values are null or substituted."""
 
@@ -180,6 +196,7 @@ class Imported(Part):
     sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of that file")
     lacks: list[str] = Field(description="keys of this document that the file lacks; their values were not measured")
     derived: list[str] = Field(description="keys that were computed from the content of the file")
+    tracks: ImportedTracks | None = Field(default=None, description="only of recorded tracks")
 
 
 class Column(Part):

@@ -182,8 +182,6 @@ def refusal(folder: Path, change: Any, **options: Any) -> str:
 
 
 def test_invalid_tracks_raise_a_message_of_one_line(tmp_path: Path) -> None:
-    gap = refusal(tmp_path, lambda rows: [row for row in rows if row[:2] not in ((5, 1), (6, 1))])
-    assert "person 1 is not observed from 1.6 to 2.8 s" in gap
     jump = refusal(tmp_path, lambda rows: [(f, p, x + 20.0 * (p == 3 and f > 20), y, g) for f, p, x, y, g in rows])
     assert "person 3 jumps at 49" in jump
     assert "two places" in refusal(tmp_path, lambda rows: [*rows, (3, 1, 0.0, 0.0, 0)])
@@ -191,6 +189,18 @@ def test_invalid_tracks_raise_a_message_of_one_line(tmp_path: Path) -> None:
     empty = refusal(tmp_path, lambda rows: rows, start=100.0)
     assert "no pedestrian is present from 100 to 160 s; the recording lasts 11.6 s" in empty
     assert "has the id 9; the ids are 1, 2, 3, 4" in refusal(tmp_path, lambda rows: rows, replay=[9])
+
+
+def test_a_person_who_is_not_observed_for_long_is_two_people(tmp_path: Path) -> None:
+    rows = [row for row in track_rows() if row[1] != 1 or not 5 <= row[0] <= 10]  # 2.8 s
+    config = scenario_from_tracks(track_file(tmp_path, rows), seconds=12.0)
+    assert [
+        (person.id, person.track[0][0], person.track[-1][0]) for person in config.people if person.id in (1, 5)
+    ] == [
+        (1, 0.0, pytest.approx(1.6)),
+        (5, pytest.approx(4.4), pytest.approx(9.6)),
+    ]
+    assert person(config, 5).group == 5, "the second part is in the same group"
 
 
 def test_robot_without_free_space_is_refused_at_once(tmp_path: Path) -> None:

@@ -8,6 +8,8 @@ MAX_FILE_BYTES = 1 << 30  # of one file, stored or unpacked: more than an hour w
 MAX_SCENARIO_BYTES = 64_000_000
 MAX_YAML_BYTES = 2_000_000  # of a scenario: YAML takes 10 s for each megabyte, JSON a hundredth of that
 MAX_TOML_BYTES = 50_000  # of a scenario: a dotted key of this length takes more than a second, and time is quadratic
+MAX_TRACKS_BYTES = 1 << 27  # of recorded tracks: a day of video with dozens of people
+MAX_MATRIX_BYTES = 10_000  # of a homography
 MAX_WEIGHTS_BYTES = 1 << 26  # of all arrays of a network
 
 # A compressed file may unpack to the larger one of these two. Episodes compress to between 1/3 and 1/30 of their size.
@@ -25,7 +27,7 @@ MAX_SCENARIO_VALUES = 1_000_000  # with all that aliases repeat
 
 # Ticks times pedestrians of one imported episode, absent pedestrians included: an episode has a row for each. Tracks
 # may have the larger one of the first two, but never more than the third.
-MAX_CELLS_WITHOUT_RATIO = 1_000_000
+MAX_CELLS_WITHOUT_RATIO = 300_000
 MAX_CELLS_PER_OBSERVATION = 100
 MAX_CELLS = 20_000_000
 MAX_ID = 1 << 53  # of pedestrians, objects and groups: exact also in programs that hold all numbers as double

@@ -1,0 +1,1 @@
+"""Recorded tracks of people: one reader for all layouts, and episodes made of them."""
