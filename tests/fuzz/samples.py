@@ -20,6 +20,7 @@ from sonata2d.record.reader import read_episode
 from sonata2d.scenegen.scenario.load import load_scenario
 from sonata2d.window.profiles import write_default_controls
 
+from ..formats.layouts import LAYOUTS
 from ..formats.test_socnav3 import foreign
 
 SCENARIO: dict[str, Any] = {
@@ -93,6 +94,10 @@ def make_samples(folder: Path) -> None:
     scene = {"scene": {"id": 0, "p": 1, "s": 0, "e": 4, "fps": 2.5}}
     tracks = [{"track": {"f": f, "p": p, "x": 0.1 * f, "y": 1.0 * p}} for f in range(9) for p in (1, 2)]
     (folder / "trajnet" / "0.ndjson").write_text("\n".join(json.dumps(line) for line in (scene, *tracks)))
+
+    (folder / "tracks").mkdir()
+    for layout in LAYOUTS:
+        layout.write(folder / "tracks" / layout.name)
 
     (folder / "scenario").mkdir()
     for name, settings in (("drawn", SCENARIO), ("placed", PLACED)):

@@ -9,8 +9,11 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from random import Random
+from typing import Any
 
 from click.testing import CliRunner
+
+from ..formats.layouts import LAYOUTS
 
 Use = Callable[[Path], None]  # gives a damaged file to a reader; raises as the reader does
 
@@ -128,9 +131,10 @@ def imported(name: str, path: Path) -> None:
     from sonata2d.record.reader import read_episode
 
     source = path.parent if name == "parquet" else path.parent / "000000.csv" if name == "csv" else path
-    result = import_from(
-        source, name, path.parent / "made", Options(frame_time=0.1 if name in ("csv", "trajnet") else None)
-    )
+    options: dict[str, Any] = {"frame_time": 0.1} if name in ("csv", "trajnet") else {}
+    if name == "tracks":
+        options = next((layout.options for layout in LAYOUTS if layout.name == path.name), {})
+    result = import_from(source, name, path.parent / "made", Options(**options))
     for file in result.files:
         read_episode(file)
         verify(file)
@@ -174,6 +178,10 @@ KINDS: dict[str, Kind] = {
     ),
     "csv": Kind(("*",), imports("csv", "scenarios from-tracks F -o s.yaml --frame-time 0.1")),
     "trajnet": Kind(("*",), imports("trajnet", "scenarios from-tracks F -o s.yaml")),
+    "tracks": Kind(
+        ("*",),
+        (*imports("tracks")[:3], *commands("import F --from tracks --frame-rate 25 --unit 0.05 -o made")),
+    ),
     "npz": Kind(("*",), imports("npz")),
     "parquet": Kind(("*.parquet",), imports("parquet")[:3]),
     "socnav3": Kind(("*.json",), imports("socnav3")),

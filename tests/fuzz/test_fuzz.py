@@ -69,7 +69,7 @@ def test_sparse_tracks_are_refused_before_memory_is_allocated(tmp_path: Path) ->
         imported("csv", tmp_path / "000000.csv")
     lines = [{"track": {"f": f, "p": 2**36, "x": 0, "y": 0}} for f in (0, 1, 10**10)]
     (tmp_path / "a.ndjson").write_text("\n".join(map(json.dumps, lines)))
-    with pytest.raises(Refusal, match="frames of 1 people"):
+    with pytest.raises(Refusal, match="frames of 2 people"):
         imported("trajnet", tmp_path / "a.ndjson")
 
 
