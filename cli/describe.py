@@ -181,6 +181,8 @@ def _episode_rows(path: Path) -> Rows:
         rows.append(("mirror image of", mirrored["id"]))
     if imported := document.get("imported"):
         rows.append(("imported from", f"{imported['file']} ({imported['format']})"))
+        remarks = imported.get("tracks") or {}
+        rows += [("about the tracks", remark) for remark in (*remarks.get("notes", ()), *remarks.get("doubts", ()))]
         rows.append(("not in the source", imported["lacks"]))
     for block, columns in document["columns"].items():
         rows.append((f"{block} columns", [f"{c['name']} [{c['unit']}, {c['frame']}]" for c in columns]))

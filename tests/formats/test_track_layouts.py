@@ -319,6 +319,7 @@ def test_people_closer_than_bodies_are_doubted(tmp_path: Path) -> None:
         (TWO_ROWS, {"frame_rate": 1, "unit": "-1"}, "unit '-1' is unknown; use m, cm"),
         ('{"track": {"f": 0, "p": 1, "x": 0, "y": 0, "prediction_number": 0}}', {}, "1 predictions of a model, but no"),
         ('{"track": {"f": 0, "p": 1, "x": 0, "y": 0}}', {"columns": ("x", "y")}, "columns can be named in tables of"),
+        ("frame,id,x,y,type\n0,1,0,0,robot\n1,1,1,0,robot\n", {"frame_rate": 1}, "it holds no track of a person"),
         ("\0\1\2", {}, "it is not text, nor a data base of JuPedSim"),
     ],
 )  # fmt: skip

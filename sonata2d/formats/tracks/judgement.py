@@ -63,6 +63,8 @@ def judged(tracks: Tracks) -> TrackSummary:
     Raises:
         ValueError: more than one speed in a hundred is above 8 m/s; the message names the probable cause.
     """
+    if not tracks.people:
+        raise ValueError("it holds no track of a person")
     moves = [(track, *_velocities(track, _WINDOW)) for track in tracks.people]
     speeds = [np.hypot(*velocity.T) for _, velocity, _ in moves]
     pooled = np.concatenate(speeds) if speeds else np.zeros(0)
