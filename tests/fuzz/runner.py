@@ -66,10 +66,10 @@ def run_case(kind: str, seed: int, index: int, samples: Path, work: Path) -> Res
     status, detail = "accepted", ""
     os.chdir(work)
     try:
-        with _time_limit():
+        with time_limit():
             _use(kind, rng, samples, work)
     except (Refusal, Sonata2dError, click.ClickException) as error:
-        status, detail = _judged(error)
+        status, detail = judged(error)
     except (Exception, OutOfTimeError, SystemExit) as error:
         status, detail = "failed", _described(error)
     finally:
@@ -106,7 +106,7 @@ def _use(kind: str, rng: Random, samples: Path, work: Path) -> None:
     use(path if path.parent.name != "ratings" else path.parent)
 
 
-def _judged(error: Exception) -> tuple[str, str]:
+def judged(error: Exception) -> tuple[str, str]:
     """Whether a refusal is one: its cause must not be exhausted memory, and its message must be short."""
     cause: BaseException | None = error
     while cause is not None:
@@ -133,7 +133,7 @@ def _described(error: BaseException) -> str:
 
 
 @contextmanager
-def _time_limit() -> Iterator[None]:
+def time_limit() -> Iterator[None]:
     """Raise OutOfTimeError after MAX_SECONDS of processor time; wall time depends on what else the machine does."""
 
     def stop(number: int, frame: object) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -58,6 +59,7 @@ time_limit = 2.0
 kinds = "square"
 side = [6, 8]
 """
+STUDY = Path(__file__).parents[2] / "examples" / "studies" / "passing.yaml"
 SPEC = LabelSpec("classes", "run", "comfort", "How comfortable?", ("poor", "fair", "good"))
 
 
@@ -110,6 +112,12 @@ def make_samples(folder: Path) -> None:
     (folder / "weights").mkdir()
     (folder / "weights" / "policy.npz").write_bytes(STOCK.read_bytes())
 
+    (folder / "study").mkdir()
+    shutil.copy(STUDY, folder / "study" / "passing.yaml")
+    (folder / "message").mkdir()
+    for number, message in enumerate(MESSAGES):
+        (folder / "message" / f"{number}.json").write_text(json.dumps(message))
+
     (folder / "collected").mkdir()
     journal = Journal(folder / "collected" / "journal.jsonl")
     header = {key: document[key] for key in ("settings", "seed", "episode", "physics", "controller", "contributor")}
@@ -118,6 +126,21 @@ def make_samples(folder: Path) -> None:
         journal.on_frame(frame)
     journal.shut()
     write_default_controls(folder / "collected" / "controls.toml")
+
+
+MESSAGES: list[dict[str, Any]] = [
+    {"type": "hello", "protocol": 1, "languages": ["de", "en-GB"]},
+    {"type": "language", "language": "de"},
+    {"type": "undo"},
+    {"type": "answer", "step": "1", "values": {"age": 30, "felt": {"easy": 3}}},
+    {
+        "type": "tick", "run": 1, "number": 4, "round_trip": 0.02, "dropped": 1,
+        "events": [{"device": "keyboard", "control": "w", "value": 1.0}],
+    },
+    {"type": "keep", "run": 2, "label": 0.5},
+    {"type": "rate", "shown": 1, "label": "good", "seconds": 3.5, "whole": True},
+    {"type": "look", "participant": "p01", "scene": "a"},
+]  # fmt: skip
 
 
 def rate(data: Path, rng: Random) -> None:

@@ -123,6 +123,35 @@ def collected(path: Path) -> None:
         read_journal(path)
 
 
+def study(path: Path) -> None:
+    """Read a study file, and list the steps of its first participants."""
+    from sonata2d.study.load import load_study
+    from sonata2d.study.plan import steps_of
+
+    read = load_study(path)
+    for participant in range(2):
+        steps_of(read.config, participant)
+    read.config.untranslated()
+
+
+def message(path: Path) -> None:
+    """Read a message of a participant's page, and of the researcher's page."""
+    from sonata2d.web.messages import parse_message
+
+    if not path.is_file():
+        raise Refusal("the path was damaged, and messages have none")
+    refused = 0
+    for of_researcher in (False, True):
+        try:
+            parse_message(path.read_bytes(), of_researcher=of_researcher)
+        except ValueError as error:
+            if "\n" in str(error):
+                raise AssertionError("the refusal has several lines") from error
+            refused += 1
+    if refused == 2:
+        raise Refusal("neither page sends it")
+
+
 def imported(name: str, path: Path) -> None:
     """Import a file; what is made of it must be a valid episode."""
     from sonata2d.datasets import verify
@@ -188,6 +217,8 @@ KINDS: dict[str, Kind] = {
     "sonata": Kind(("*.json",), imports("sonata")),
     "weights": Kind(("*",), (weights,)),
     "collected": Kind(("*",), (collected,)),
+    "study": Kind(("*",), (study,)),
+    "message": Kind(("*",), (message,)),
 }  # fmt: skip
 
 # Command lines are damaged word by word. Counts stay small, as a command rightly runs for as long as it was asked to.
