@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from gymnasium import spaces
 
+from ..core.arguments import whole_number
 from ..core.compiled.kernel import kernel, subroutine
 from ..core.compiled.packing import Floats2, Packed, unpack
 from ..core.compiled.scalar import length, to_line
@@ -58,8 +59,7 @@ class Sizes:
 
     def __post_init__(self) -> None:
         for name, number in asdict(self).items():
-            if not isinstance(number, int) or number < 1:
-                raise ValueError(f"an observation needs 1 or more rows of {name}, got {number!r}")
+            object.__setattr__(self, name, whole_number(f"the number of rows of {name}", number, 1))
 
     @classmethod
     def of(cls, config: ScenarioConfig) -> Sizes:

@@ -132,8 +132,9 @@ def test_bad_arguments_are_named() -> None:
         s2g.SocialNavEnv("empty", reward=3)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="people"):
         s2g.SocialNavEnv("empty", sizes={"people": 3})
-    with pytest.raises(ValueError, match="1 or more rows of walls"):
+    with pytest.raises(ValueError, match="the number of rows of walls must be 1 or more, got 0"):
         s2g.SocialNavEnv("empty", sizes={"walls": 0})
+    assert s2g.SocialNavEnv("empty", sizes={"walls": np.int64(3)}).observation_space["walls"].shape[0] == 3
     with pytest.raises(ValueError, match="order"):
         s2g.SocialNavEnv("empty", order="random")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="render_mode"):
