@@ -29,6 +29,7 @@ NAME = "npz"
 _STATES = ("tick", "time", "robot", "humans", "activity")  # arrays of T + 1 states
 _TWISTS = ("command", "executed", "guarded")  # arrays of T frames
 _ARRAYS = (*_STATES, *_TWISTS)
+_OLD_TEXTS = "told"  # name of `texts` in files of 0.3.0
 _TEXT_KEYS = ("interactions", "contacts", "events", "label")
 
 
@@ -59,12 +60,13 @@ def import_(path: Path, options: Options) -> Iterator[JsonDict]:
     """
     data = read_bytes(path)
     with parsing(path, NAME):
-        yield _document(read_npz(data, MAX_FILE_BYTES, (*_ARRAYS, "human_id", "header", "texts")))
+        yield _document(read_npz(data, MAX_FILE_BYTES))
 
 
 def _document(arrays: dict[str, Any]) -> JsonDict:
     """The document, with keys in the order of the recorder."""
-    header, texts = orjson.loads(str(arrays["header"])), orjson.loads(str(arrays["texts"]))
+    texts = arrays[_OLD_TEXTS if _OLD_TEXTS in arrays else "texts"]
+    header, texts = orjson.loads(str(arrays["header"])), orjson.loads(str(texts))
     lists = {name: arrays[name].tolist() for name in _ARRAYS}
     humans = arrays["humans"]
     absent = np.isnan(humans[..., X]) if humans.size else np.zeros((len(texts), 0), dtype=bool)
