@@ -72,7 +72,9 @@ frames.
 - Activities: {", ".join(f"{number} {name}" for number, name in enumerate(ACTIVITIES))}; -1 not present.
   A person is `standing`, or does whatever it stands for, from when it begins to brake, up to 1 s before it is at rest.
 - `sonata2d check` also requires people and robot to be inside the room, and outlines to overlap by {
-    1000 * MAXIMUM_OVERLAP:.0f} mm at most; `sonata2d/datasets/check/plausibility.py` defines its other tolerances.
+    1000 * MAXIMUM_OVERLAP:.0f} mm at most, or by
+  the distance by which two people approach each other in a physics step if that is longer;
+  `sonata2d/datasets/check/plausibility.py` defines its other tolerances.
 
 A data set is a folder of episode files named `{{episode:06d}}.json`, with a `manifest.json` (see
 [Manifest](#manifest); [JSON Schema](schema/manifest-v1.schema.json)), `scenario.json` with its settings, a data card

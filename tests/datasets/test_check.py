@@ -140,6 +140,72 @@ def test_a_unicycle_that_slips_is_found(unicycle_file: Path) -> None:
     assert "unicycle" not in problems_after(imported)
 
 
+class Dash(s2.Controller):
+    """Drives at full speed towards the nearest person, turns, and reverses every four ticks."""
+
+    def act(self, snapshot: s2.Snapshot) -> s2.Twist:
+        pose, limits = snapshot.robot.pose, snapshot.scene.robot.limits
+        places = [pose.to_local(human.pose.position) for human in snapshot.humans]
+        x, y = min(places, key=lambda place: math.hypot(*place))
+        scale = (-1.0 if snapshot.tick % 8 >= 4 else 1.0) / math.hypot(x, y)
+        return s2.Twist(vx=limits.ahead * x * scale, vy=limits.sideways * y * scale, omega=limits.turn)
+
+
+_STRONG = {"ahead": 8.0, "back": 8.0, "sideways": 8.0, "acceleration": 100.0, "turn": 1.0, "turn_acceleration": 100.0}
+_FAST = {"mean": 6.0, "min": 4.0, "max": 8.0}
+
+
+@pytest.mark.parametrize("guard", [True, False])
+@pytest.mark.parametrize(
+    ("limits", "rules", "settings"),
+    [
+        ({}, {}, {}),
+        ({"turn": 50.0}, {}, {}),
+        ({"ahead": 0.8, "back": 0.8, "sideways": 0.8}, {"substeps": 1}, {}),
+        ({}, {"dt": 10.0, "substeps": 1000, "time_limit": 50.0}, {}),
+        ({}, {"dt": 1e-4, "time_limit": 0.02}, {}),
+        ({}, {}, {"person": {"desired_speed": _FAST}}),
+        ({}, {}, {"people": [{"x": -4, "y": 0, "velocity": [20, 0], "goals": [[4, 0]]}]}),
+    ],
+)
+def test_an_episode_of_extreme_settings_has_no_problems(
+    tmp_path: Path, limits: dict[str, float], rules: dict[str, float], settings: dict[str, Any], guard: bool
+) -> None:
+    assert verify(_dashed(tmp_path, _STRONG | limits, {"guard": guard} | rules, settings)) == []
+
+
+def _dashed(folder: Path, limits: dict[str, float], rules: dict[str, Any], settings: dict[str, Any]) -> Path:
+    """An episode in which `Dash` drives among 30 people for 6 s."""
+    rules = {"time_limit": 6.0, "ends_on": ["time"]} | rules
+    config = s2.load_scenario("crowded-hall").changed(robot={"limits": limits}, rules=rules, **settings)
+    path = folder / "episode.json"
+    with s2.JsonRecorder(path) as recorder:
+        s2.Episode(s2.generate(config, seed=0), Dash(), observers=[recorder]).run()
+    return path
+
+
+def test_edits_of_an_episode_with_a_strong_drive_are_found(tmp_path: Path) -> None:
+    path = _dashed(tmp_path, _STRONG, {}, {})
+    record, recorded = s2.read_episode(path), path.read_bytes()
+    for frame in (int(record.guarded.argmin()) + 1, int(record.guarded.argmax()) + 1):
+        x, vx = (float(record.states.robot[frame, column]) for column in (0, 3))
+        path.write_bytes(recorded)
+        moved = verify(rewrite(path, set_value("frames", frame, "robot", 0, round(x + 0.2, 4))))
+        assert re.search(rf"frames\.({frame - 1}|{frame})\.robot: .* m from where its drive led", _text(moved))
+        path.write_bytes(recorded)
+        fast = verify(rewrite(path, set_value("frames", frame, "robot", 3, round(vx + 30.0, 4))))
+        assert re.search(rf"frames\.{frame}\.robot: the robot is \d+\.\d+ m/s too fast", _text(fast))
+
+
+def test_people_who_would_walk_through_walls_are_refused() -> None:
+    """At 1.8 m/s, three times as fast after contacts: 0.54 m in 0.1 s; 17 steps of 0.32 m are allowed."""
+    hall = s2.load_scenario("crowded-hall")
+    with pytest.raises(s2.errors.ConfigError, match=r"reach 5\.4 m/s, move 0\.54 m, .* raise rules\.substeps to 17"):
+        hall.changed(rules={"dt": 1.0})
+    hall.changed(rules={"dt": 1.0, "substeps": 17})
+    s2.load_scenario("empty").changed(rules={"dt": 1.0})  # nobody walks
+
+
 def test_an_unreadable_file_is_one_problem(tmp_path: Path) -> None:
     (tmp_path / "odd.json").write_text("{")
     (problem,) = verify(tmp_path / "odd.json")

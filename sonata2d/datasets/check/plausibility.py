@@ -15,6 +15,7 @@ from ...core.geometry import Barriers, Disc, inside_polygon, segment_distances, 
 from ...core.portable_math import Array, BoolArray, unit_vectors
 from ...core.relations import ACTIVITIES
 from ...core.scene import Scene
+from ...core.turning import BODY_TURN
 from ...core.vectors import lengths, wrap_angle
 from ...record.canonical import rounded_rows
 from ...record.layout import HUMAN_ANGLES, ROBOT_ANGLES
@@ -23,15 +24,14 @@ from ..motion import THETA, VX, VY, X, Y
 
 MAXIMUM_OVERLAP = 0.06  # m, of outlines: the physics detects a contact only after the bodies have moved
 ROUNDING = 2e-4  # m, m/s, rad/s: tolerance for numbers rounded to 1e-4
-_HURRY_FACTOR, _PUSH_SPEED = (
-    1.3,
-    1.0,
-)  # a pedestrian reaches _HURRY_FACTOR times the desired speed, pushed _PUSH_SPEED more
+_HURRY_FACTOR, _PUSH_SPEED = 1.3, 1.0  # a pedestrian reaches 1.3 times the desired speed; at least 1 m/s more if pushed
+_RESPONSE_TIME = 0.5  # s, in which a pedestrian can reverse its velocity
 _ROBOT_SPEED_TOLERANCE = 0.05  # m/s above the robot's limits
 # m/s, on top of half the top speed: tolerance between the displacement of a tick over dt and the mean velocity
 _MOTION_TOLERANCE = 0.5
 _PUSH_RANGE = 0.1  # m, clearance to a recorded pedestrian within which a push in the last tick is possible
 _TURN_TOLERANCE = 0.05  # rad, between the rotation in a tick and the executed turn rate times dt
+_SUDDEN_SPEED, _SUDDEN_TURN = 1.0, 1.0  # m/s and rad, changes in a tick beyond which two velocities say little of it
 
 _SITTING = ACTIVITIES.index("sitting")  # also while a pedestrian sits down and gets up
 
@@ -102,38 +102,74 @@ def _check_speeds(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]
     yield from _worst_tick_of_humans(speed - _maximum_speeds(scene), scene, "m/s faster than possible")
 
 
+def _walking_speeds(scene: Scene) -> Array:
+    """(N,), m/s, that the pedestrians reach by themselves, or have at the start."""
+    starts = np.array([math.hypot(*human.velocity) for human in scene.humans])
+    speeds: Array = np.maximum(_HURRY_FACTOR * scene.human_table.desired_speed, starts)
+    return speeds
+
+
 def _maximum_speeds(scene: Scene) -> Array:
-    """(N,), m/s, of the pedestrians."""
+    """(N,), m/s, of the pedestrians.
+
+    A contact gives a pedestrian up to half of the speed of the one that pushes it, of equal mass. Its acceleration was
+    chosen before the contact and lasts for the rest of the tick, so that it may exceed the speed that it was chosen for
+    by what it changes in a tick.
+    """
+    speeds = _walking_speeds(scene)
+    change = 2.0 * speeds.max(initial=0.0) * min(max(scene.rules.dt / _RESPONSE_TIME, 0.25), 1.0)
+    push: float = max(_PUSH_SPEED, change)
     # without the guard the robot may run into them
-    push = _PUSH_SPEED if scene.rules.guard else _PUSH_SPEED + scene.robot.top_speed
-    return _HURRY_FACTOR * scene.human_table.desired_speed + push
+    return speeds + (push if scene.rules.guard else push + scene.robot.top_speed)
 
 
 def _maximum_overlap(scene: Scene) -> float:
     """Depth to which outlines may overlap, m.
 
-    Without the guard, the physics stops the robot, and the pedestrians that it pushes, up to one substep too late.
+    The physics stops pedestrians up to one substep too late: two may approach each other, and turn, so far. Without the
+    guard, this holds for the robot, and the pedestrians that it pushes, too.
     """
-    rules = scene.rules
-    return MAXIMUM_OVERLAP if rules.guard else MAXIMUM_OVERLAP + scene.robot.top_speed * rules.dt / rules.substeps
+    rules, shoulders = scene.rules, scene.human_table.shoulder
+    closing = 2.0 * (_walking_speeds(scene).max(initial=0.0) + BODY_TURN * shoulders.max(initial=0.0))
+    overlap: float = max(MAXIMUM_OVERLAP, closing * rules.dt / rules.substeps)
+    return overlap if rules.guard else overlap + scene.robot.top_speed * rules.dt / rules.substeps
 
 
 def _check_motion(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
     """Velocities must match the changes of the poses."""
     scene, states = record.scene(), record.states
-    dt, limits = scene.rules.dt, scene.robot.limits
+    dt, limits, overlap = scene.rules.dt, scene.robot.limits, _maximum_overlap(scene)
     humans, robot = _unexplained_speed(states.humans, dt), _unexplained_speed(states.robot, dt)
     exempt = pushed[1:] | pushed[:-1]
     humans[exempt[:, :-1]] = robot[exempt[:, -1]] = 0.0
-    # without the guard, bodies that overlap are also moved apart
-    tolerance = _MOTION_TOLERANCE + (0.0 if scene.rules.guard else 2.0 * _maximum_overlap(scene) / dt)
+    tolerance = max(_MOTION_TOLERANCE, 2.0 * ROUNDING / dt)
+    if overlap > MAXIMUM_OVERLAP:
+        tolerance += 2.0 * overlap / dt  # bodies that overlap are also moved apart
     excess = humans - _maximum_speeds(scene) / 2 - tolerance
     yield from _worst_tick_of_humans(excess, scene, "m/s of motion beyond what the velocities explain")
-    robot = robot - math.hypot(max(limits.ahead, limits.back), limits.sideways) / 2 - tolerance
+    limit = math.hypot(max(limits.ahead, limits.back), limits.sideways) / 2 + tolerance
+    robot = robot - np.where(_is_sudden(record), max(limit, 2.0 * scene.robot.top_speed), limit)
     yield from _worst_tick(robot, "robot", "the robot", "m/s of motion beyond what the velocities explain")
     turned = (np.diff(states.robot[:, THETA]) - record.executed[:, 2] * dt + np.pi) % (2 * np.pi) - np.pi
     turned = np.abs(turned) - _TURN_TOLERANCE
     yield from _worst_tick(turned, "robot", "the robot", "rad turned beyond what its turn rate explains")
+
+
+def _is_sudden(record: EpisodeRecord) -> BoolArray:
+    """Ticks whose displacement does not follow from the robot's velocities before and after them; (T,).
+
+    The recorded velocities are those of the last substeps. A robot that guard, walls or people stop in one substep, and
+    that a strong drive brings to full speed or turns round within a tick, may have moved at any speed of its drive in
+    the others. `_check_robot` compares the displacements of all ticks with the executed twists.
+    """
+    rules, limits = record.scene().rules, record.scene().robot.limits
+    if record.document["physics"] == 0:  # imported: no drive
+        return np.zeros(len(record), dtype=bool)
+    if not rules.guard or limits.acceleration * rules.dt > _SUDDEN_SPEED:
+        return np.ones(len(record), dtype=bool)
+    sudden = record.guarded | (np.abs(record.executed[:, 2]) * rules.dt > _SUDDEN_TURN)
+    sudden[1:] |= record.guarded[:-1]
+    return sudden
 
 
 def _check_robot(record: EpisodeRecord) -> Iterator[Finding]:
@@ -147,8 +183,10 @@ def _check_robot(record: EpisodeRecord) -> Iterator[Finding]:
         return
     scene, states, executed = record.scene(), record.states, record.executed
     dt, theta = scene.rules.dt, states.robot[:, THETA]
-    half = np.minimum(np.abs(executed[:, 2]) * dt / 2, np.pi / 2)
+    half = np.minimum(np.abs(executed[:, 2]) * dt / 2, np.pi)
     ahead, left = _along(np.diff(states.robot[:, X : Y + 1], axis=0), theta[:-1] + executed[:, 2] * dt / 2)
+    speed = np.hypot(states.robot[:, VX], states.robot[:, VY])
+    yield from _worst_tick(speed - scene.robot.top_speed - _ROBOT_SPEED_TOLERANCE, "robot", "the robot", "m/s too fast")
     is_unicycle, is_steady = scene.robot.kinematics == "unicycle", ~record.guarded & scene.rules.guard
     # m; while a holonomic robot is slowed down, its path can be longer than its mean velocity says
     arc = np.hypot(executed[:, 0], executed[:, 1]) * dt
@@ -159,11 +197,11 @@ def _check_robot(record: EpisodeRecord) -> Iterator[Finding]:
     difference -= arc * np.where(is_steady, 1.0 - np.cos(half), 2.0 * np.sin(half / 2))
     yield from _worst_tick(difference - rounding, "robot", "the robot", "m from where its drive led")
     if is_unicycle:
-        sideways = np.abs(left) - np.where(is_steady, 0.0, arc * np.sin(half)) - rounding
+        sideways = np.abs(left) - np.where(is_steady, 0.0, arc * np.sin(np.minimum(half, np.pi / 2))) - rounding
         yield from _worst_tick(sideways, "robot", "the robot, a unicycle,", "m off its heading")
         yield from _worst_tick(np.abs(executed[:, 1]), "executed", "the robot, a unicycle,", "m/s fast sideways")
         _, slip = _along(states.robot[:, VX : VY + 1], theta)
-        slip = np.abs(slip) - ROUNDING * (1.0 + np.hypot(states.robot[:, VX], states.robot[:, VY]))
+        slip = np.abs(slip) - ROUNDING * (1.0 + speed)
         yield from _worst_tick(slip, "robot", "the robot, a unicycle,", "m/s fast sideways")
 
 

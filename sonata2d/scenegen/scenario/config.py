@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Collection
 from inspect import Parameter, Signature, signature
@@ -40,6 +41,8 @@ from .sections import (
 
 # Of a robot without safety guard, m/s, and m in a physics step: beyond them it pushes people through walls.
 _UNGUARDED_SPEED, _UNGUARDED_STEP = 12.0, 0.12
+_PERSON_STEP = 0.33  # m in a physics step, beyond which people walk through walls
+_RESPONSE_TIME = 0.5  # s; an acceleration that is kept for so long after a contact adds twice the speed of a person
 _TWENTY_DEGREES = 0.3490658503988659  # rad
 Distance = Annotated[Range, within("a distance must be above 0", 0.0, above=True)]
 
@@ -213,6 +216,29 @@ class ScenarioConfig(Settings):
                 "physics step: lower robot.limits, or raise rules.substeps"
             )
             raise setting_error(message, "rules", "guard")
+        return self
+
+    @model_validator(mode="after")
+    def _check_steps_of_people(self) -> Self:
+        counts = (
+            self.standing, self.wandering, self.humans, self.talking_pairs, self.walking_pairs, self.talking_groups,
+            self.walking_groups, self.at_laptop, self.at_plant, self.at_object, self.seated,
+            *(queue.waiting for queue in self.queues),
+        )  # fmt: skip
+        starts = [person.velocity or (0.0, 0.0) for person in self.people if not person.track]
+        speeds = [math.sqrt(vx * vx + vy * vy) for vx, vy in starts]
+        speeds += [person.desired_speed.max for person in self.people if person.desired_speed]
+        if any(count and count.max for count in counts) or any(door.inflow for door in self.doors) or speeds:
+            speeds.append(self.person.desired_speed.max)
+        dt, substeps = self.rules.dt, self.rules.substeps
+        speed = max(speeds, default=0.0) * (1.0 + 2.0 * min(dt / _RESPONSE_TIME, 1.0))
+        if speed * dt / substeps > _PERSON_STEP:
+            message = (
+                f"people may move {_PERSON_STEP} m in a physics step, dt / substeps; after contacts they reach "
+                f"{speed:.3g} m/s, move {speed * dt / substeps:.2g} m, and pass through walls: raise rules.substeps to "
+                f"{math.ceil(speed * dt / _PERSON_STEP)}, or lower rules.dt or the speeds"
+            )
+            raise setting_error(message, "rules", "substeps")
         return self
 
     @classmethod
