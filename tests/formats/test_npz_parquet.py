@@ -183,7 +183,7 @@ def test_tables_that_do_not_fit_are_one_error_and_leave_nothing(folder: Path, tm
         "import resource, sys; from cli.main import main; resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000));"
         f"sys.argv[1:] = {line!r}; main()"
     )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
+    found = subprocess.run([sys.executable, "-B", "-c", code], capture_output=True, text=True, timeout=300)
     assert found.returncode == 1
     assert found.stderr.count("\n") == 1, found.stderr
     assert "cannot be written" in found.stderr
