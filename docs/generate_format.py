@@ -222,7 +222,8 @@ STUDY_TABLES = """\
 ## Tables of results
 
 `sonata2d study results` writes these columns. A cell without a value is empty; a text that a spreadsheet would take for
-a formula is preceded by an apostrophe.
+a formula (it begins with `=`, `+`, `-`, `@`, a tab or a new line), or that begins with an apostrophe, is preceded by an
+apostrophe: remove the first character of each text that begins with one to restore the answers.
 """
 
 

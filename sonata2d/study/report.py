@@ -84,7 +84,7 @@ def results_of(out: str | Path, *, personal: bool = False) -> dict[str, list[Row
 def table_of(columns: Collection[str], rows: Iterable[Row]) -> bytes:
     """A table as CSV in UTF-8.
 
-    A text that a spreadsheet would take for a formula is preceded by an apostrophe.
+    A text that a spreadsheet would take for a formula, or that begins with an apostrophe, is preceded by an apostrophe.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -99,7 +99,7 @@ def _cell(value: Any) -> Any:
         return int(value)
     if isinstance(value, str):
         value = value.replace("\r\n", "\n").replace("\r", "\n")  # would begin a row
-        return f"'{value}" if value[:1] in ("=", "+", "-", "@", "\t", "\n") else value
+        return f"'{value}" if value[:1] in ("=", "+", "-", "@", "\t", "\n", "'") else value
     return "" if value is None else value
 
 

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, TypeAdapter, ValidationError
 
 from ..core.devices import DeviceEvent
+from ..core.files.limits import MAX_ID
 from ..core.wording import one_line
 
 PROTOCOL = 1
@@ -21,7 +22,8 @@ _DEVICES = r"^(keyboard|mouse|touch|pad[0-7]|label)$"
 
 Name = Annotated[str, Field(min_length=1, max_length=80)]
 Step = Annotated[str, Field(min_length=1, max_length=120)]
-Label = bool | int | float | Annotated[str, Field(max_length=5000)]
+Whole = Annotated[int, Field(ge=-MAX_ID, le=MAX_ID)]  # others cannot be sent back
+Label = bool | Whole | float | Annotated[str, Field(max_length=5000)]
 
 
 class Message(BaseModel):
@@ -39,7 +41,7 @@ class Hello(Message):
     """
 
     type: Literal["hello"]
-    protocol: int
+    protocol: Whole
     languages: Annotated[list[Annotated[str, Field(max_length=40)]], Field(max_length=40)] = []
 
 
@@ -114,8 +116,8 @@ class Tick(Message):
     """
 
     type: Literal["tick"]
-    run: int
-    number: Annotated[int, Field(ge=0)]
+    run: Whole
+    number: Annotated[int, Field(ge=0, le=MAX_ID)]
     events: Annotated[list[Event], Field(max_length=_MAX_EVENTS)] = []
     round_trip: Annotated[float, Field(ge=0.0, le=3600.0)] | None = None
     dropped: Annotated[int, Field(ge=0, le=1_000_000)] = 0
@@ -131,14 +133,14 @@ class RunAction(Message):
     """
 
     type: Literal["pause", "stop", "finish_practice", "discard", "redo"]
-    run: int
+    run: Whole
 
 
 class Keep(Message):
     """Keep the run that ended."""
 
     type: Literal["keep"]
-    run: int
+    run: Whole
     label: Label | None = None
 
 
@@ -153,7 +155,7 @@ class Rate(Message):
     """
 
     type: Literal["rate"]
-    shown: int
+    shown: Whole
     label: Label
     seconds: Annotated[float, Field(ge=0.0, le=1e6)]
     whole: bool

@@ -1,26 +1,44 @@
-"""Protocols of uvicorn with timeouts: connections are closed when nothing is received, or nothing can be sent."""
+"""Protocols of uvicorn that close idle connections: after a time, and the oldest ones where there are many."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Iterable
 from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.exceptions import InvalidState
 
+from .settings import MAX_IDLE_CONNECTIONS
+
 _TIMEOUT_S = 10.0
+
+
+def _cut_oldest_idle(connections: Iterable[Any]) -> None:
+    """Cut the oldest idle connection off if there are more than `MAX_IDLE_CONNECTIONS`."""
+    idle = [each for each in connections if each.idle_since is not None and not each.transport.is_closing()]
+    if len(idle) > MAX_IDLE_CONNECTIONS:
+        min(idle, key=lambda each: each.idle_since).transport.abort()
 
 
 class TimeoutProtocol(H11Protocol):
     """HTTP that closes connections without a complete request: uvicorn counts them towards its limit of connections."""
 
     _limit: asyncio.TimerHandle | None = None
+    _waits_since = 0.0
+
+    @property
+    def idle_since(self) -> float | None:
+        """Time of the event loop since which no request is complete; None while one is answered."""
+        request: Any = self.cycle  # None before the first one
+        return self._waits_since if request is None or request.response_complete else None
 
     def connection_made(self, transport: Any) -> None:
         super().connection_made(transport)
         self._wait_for_request()
+        _cut_oldest_idle(self.connections)
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._stop()
@@ -36,11 +54,11 @@ class TimeoutProtocol(H11Protocol):
 
     def _wait_for_request(self) -> None:
         self._stop()
+        self._waits_since = self.loop.time()
         self._limit = self.loop.call_later(_TIMEOUT_S, self._close_if_silent)
 
     def _close_if_silent(self) -> None:
-        request: Any = self.cycle  # None before the first one
-        if (request is None or request.response_complete) and not self.transport.is_closing():
+        if self.idle_since is not None and not self.transport.is_closing():
             self.transport.close()
 
     def _stop(self) -> None:
@@ -51,6 +69,8 @@ class TimeoutProtocol(H11Protocol):
 class TimeoutSocket(WebSocketsSansIOProtocol):
     """Web sockets that are cut off if the other side does not read what was sent last, or continues after an error."""
 
+    idle_since: float | None = None  # time at which the server closed it
+
     def data_received(self, data: bytes) -> None:
         try:
             super().data_received(data)
@@ -59,7 +79,9 @@ class TimeoutSocket(WebSocketsSansIOProtocol):
 
     async def run_asgi(self) -> None:
         await super().run_asgi()
+        self.idle_since = self.loop.time()
         self.loop.call_later(_TIMEOUT_S, self.transport.abort)
+        _cut_oldest_idle(self.connections)
 
 
 def without_traceback(record: logging.LogRecord) -> bool:

@@ -14,9 +14,8 @@ from ..study.export import unfinished_exports
 from ..study.folder import STUDY, StudyFolder
 from ..study.links import Links
 from .messages import MAX_MESSAGE
-from .settings import ServerSettings
+from .settings import MAX_IDLE_CONNECTIONS, ServerSettings
 
-_MAX_WAITING_CONNECTIONS = 100
 # Addresses at which a server listens in all networks, and an address in another network, reserved for documentation.
 _ALL_NETWORKS = {"0.0.0.0": (socket.AF_INET, "192.0.2.1"), "::": (socket.AF_INET6, "2001:db8::1")}
 _PING_S = 20.0  # between two pings of an idle connection
@@ -95,8 +94,8 @@ def server_config(app: ASGIApp, connections: int, **options: Any) -> uvicorn.Con
         "ws_max_size": MAX_MESSAGE,
         "ws_ping_interval": _PING_S,
         "ws_ping_timeout": _PING_S,
-        "backlog": _MAX_WAITING_CONNECTIONS,  # all waiting ones are accepted at once, and must not reach the limit
-        "limit_concurrency": connections + _MAX_WAITING_CONNECTIONS,
+        "backlog": MAX_IDLE_CONNECTIONS,  # all waiting ones are accepted at once, and must not reach the limit
+        "limit_concurrency": connections + 2 * MAX_IDLE_CONNECTIONS,  # open pages, idle connections, and requests
         "timeout_graceful_shutdown": 5,
     }
     return uvicorn.Config(app, **(settings | options))

@@ -155,7 +155,10 @@ class StudyServer:
         origin, host = connection.headers.get("origin"), connection.headers.get("host")
         if origin is None:
             return True
-        site = urlsplit(origin).netloc
+        try:
+            site = urlsplit(origin).netloc
+        except ValueError:  # such as of http://[
+            site = ""
         if site and site in (host, self._public_host):
             return True
         if not self._has_warned:
@@ -201,6 +204,8 @@ class StudyServer:
             async with self._locks.setdefault(id, asyncio.Lock()):  # the former page is answered to the end
                 if not page.is_replaced:
                     await self._serve(id, page)
+            if page.is_replaced:  # its place was taken while it was not waiting for messages
+                await page.close(_TAKEN_OVER)
         finally:
             self._open -= 1
             if self._pages.get(id) is page:

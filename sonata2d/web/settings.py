@@ -5,6 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+# Connections without a complete request, and closed web sockets that the other side keeps open; with one more, the
+# oldest is cut off. As many may wait to be accepted, so that nobody is cut off whose request is on its way.
+MAX_IDLE_CONNECTIONS = 100
+
 
 @dataclass(frozen=True, slots=True)
 class ServerSettings:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -22,7 +23,7 @@ from sonata2d.study.load import load_study
 from sonata2d.study.participant import Participant
 from sonata2d.study.questions import Number
 from sonata2d.study.removal import remove_participant
-from sonata2d.study.report import _score_rows, results_of, save_results
+from sonata2d.study.report import _score_rows, results_of, save_results, table_of
 
 from .conftest import NOW, STUDY, WARMTH, drive, prepare, rate_all
 
@@ -95,6 +96,15 @@ def test_personal_answers_are_kept_apart(arrive: Arrive, tmp_path: Path) -> None
     save_results(out, tmp_path / "tables", personal=True)
     answers = {row["question"]: row["value"] for row in rows(tmp_path / "tables" / "answers.csv")}
     assert answers == {"age": "30", "remark": "left-handed", "effort": "1", "driver": "'=HYPERLINK(1)"}
+
+
+def test_texts_of_tables_can_be_restored() -> None:
+    texts = ["=1+1", "'=1+1", "''=1+1", "+1", "-1", "@a", "\ta", "\n=1", "'", "'tis", "a'b", "=", 'say "=1"', "a,b\nc"]
+    table = table_of(["text"], [{"text": text} for text in texts]).decode()
+    cells = [row["text"] for row in csv.DictReader(io.StringIO(table, newline=""))]
+    assert cells[:4] == ["'=1+1", "''=1+1", "'''=1+1", "'+1"]
+    assert not any(cell.startswith(("=", "+", "-", "@", "\t", "\n")) for cell in cells)
+    assert [cell.removeprefix("'") for cell in cells] == texts
 
 
 def test_a_run_equals_that_of_a_session_with_the_same_events(arrive: Arrive, tmp_path: Path) -> None:

@@ -79,8 +79,9 @@ class Served:
         self.out = self.folder / "out"
         study_folder = StudyFolder(self.out, study)
         self.links = Links(self.out / STUDY)
+        connections = int(self._settings.get("connections", 200))
         self.server = StudyServer(study_folder, self.links, ServerSettings(**self._settings))
-        self._uvicorn = uvicorn.Server(server_config(self.server.app, 200, port=0, timeout_graceful_shutdown=2))
+        self._uvicorn = uvicorn.Server(server_config(self.server.app, connections, port=0, timeout_graceful_shutdown=2))
         self._loop = asyncio.new_event_loop()
         serving = self._uvicorn.serve()
         self._thread = threading.Thread(target=lambda: self._loop.run_until_complete(serving), daemon=True)

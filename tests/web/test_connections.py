@@ -11,6 +11,7 @@ from http.client import HTTPException
 from pathlib import Path
 
 import pytest
+from websockets.exceptions import InvalidStatus
 
 from sonata2d.errors import ConfigError, RecordError
 from sonata2d.study.participant import Participant
@@ -154,6 +155,52 @@ def test_a_page_of_the_announced_address_may_connect(study_folder: Path, caplog:
         assert [record.name for record in warnings] == ["sonata2d.web.server"]  # once
         assert "https://evil.example" in warnings[0].getMessage()
         assert "Host header" in warnings[0].getMessage()
+    finally:
+        served.stop()
+
+
+@pytest.mark.parametrize("origin", ["http://[", "http://[::1", "//]", "null", "http://[x]", ""])
+def test_an_origin_that_is_no_address_is_of_another_site(served: Served, origin: str) -> None:
+    assert fetch(f"{served.url}/j/{served.links.open}", b"", Origin=origin)[0] == 403
+    for link in (served.link(), f"{served.url}/r/{served.links.researcher}"):
+        with pytest.raises(InvalidStatus) as caught, client_of(link, additional_headers={"Origin": origin}):
+            pass
+        assert caught.value.response.status_code == 403
+    assert fetch(served.url, Host="[")[0] == 200
+
+
+@pytest.mark.parametrize("number", [2**53 + 1, 2**63, 2**64, -(2**64), 10**400])
+def test_a_number_that_cannot_be_sent_back_is_refused(served: Served, number: int) -> None:
+    with client_of(served.link()) as client, client_of(f"{served.url}/r/{served.links.researcher}") as researcher:
+        run = client.prepare()["drive"]["run"]
+        client.tick(run, 0)
+        client.ask(type="stop", run=run)
+        for message in (
+            {"type": "tick", "run": run, "number": number}, {"type": "tick", "run": number, "number": 0},
+            {"type": "stop", "run": number}, {"type": "rate", "shown": number, "label": 1, "seconds": 1, "whole": True},
+            {"type": "hello", "protocol": number},
+        ):  # fmt: skip
+            answer = client.ask(**message)
+            assert (answer["type"], answer["problemKind"]) == ("error", "refused"), message
+        answer = client.ask(type="answer", step="practice-1", values={"age": number})
+        assert answer["problemKind"] == "refused"
+        assert client.tick(run, 2**53)["status"] == "ended"
+        assert researcher.ask(type="add", count=number)["type"] == "error"
+
+
+def test_idle_strangers_keep_nobody_out(study_folder: Path) -> None:
+    served = Served(study_folder, connections=5)
+    try:
+        link = served.link()
+        with client_of(link) as client:
+            strangers = [socket.create_connection(("127.0.0.1", served.port), timeout=10) for _ in range(170)]
+            assert fetch(link)[0] == 200
+            strangers += [raw_page(served, f"{served.url}/s/unknown") for _ in range(120)]  # they do not close
+            assert fetch(link)[0] == 200
+            assert strangers[0].recv(1) == b""  # the oldest is cut off
+            assert client.prepare()["drive"]["ticks"] == 0
+            for each in strangers:
+                each.close()
     finally:
         served.stop()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import random
 import socket
@@ -18,6 +19,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from sonata2d.record.reader import read_episode
+from sonata2d.web.participant_session import ParticipantSession
+from sonata2d.web.server import StudyServer, _Connection
 
 from .conftest import Served
 
@@ -183,6 +186,33 @@ def test_a_page_replaces_its_own_lost_connection(study_folder: Path) -> None:
                 assert caught.value.rcvd.code == code
     finally:
         served.stop()
+
+
+def test_a_page_is_told_that_it_is_replaced_while_its_session_opens(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The former page ends as soon as it is replaced, before the later one has closed it."""
+    session_of, close = StudyServer._session_of, _Connection.close
+
+    async def slow_session(server: StudyServer, id: str) -> ParticipantSession:
+        page, session = server._pages[id], await session_of(server, id)
+        while page.name == "former" and not page.is_replaced:
+            await asyncio.sleep(0.01)
+        return session
+
+    async def slow_close(page: _Connection, code: int) -> None:
+        await asyncio.sleep(0.2)
+        await close(page, code)
+
+    monkeypatch.setattr(StudyServer, "_session_of", slow_session)
+    monkeypatch.setattr(_Connection, "close", slow_close)
+    link = served.link().replace("http", "ws", 1) + "/socket"
+    with connect(f"{link}?page=former") as former, connect(f"{link}?page=later") as later:
+        assert Client(later).prepare()["drive"]["ticks"] == 0
+        with pytest.raises(ConnectionClosed) as caught:
+            Client(former).drain()
+        assert caught.value.rcvd is not None
+        assert caught.value.rcvd.code == 4001
 
 
 def test_a_connection_without_a_request_is_closed(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
