@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 Rows = list[tuple[str, object]]
 
+_COUNTED_IN_FILES = "scenario", "controller", "seed", "outcomes", "families", "physics version", "sonata2d"
 _MAX_DISPUTED = 5  # disputed runs printed without --json
 
 
@@ -35,9 +37,10 @@ def command(path: Path) -> None:
     if path.is_dir() or is_shard(path):
         from sonata2d.collect.agreement import agreements
         from sonata2d.collect.rating import ratings_of
+        from sonata2d.datasets.manifest.read import has_manifest
 
         ratings = agreements(ratings_of(path))
-        rows = _dataset_rows(path, is_rated=bool(ratings))
+        rows = _dataset_rows(path) if has_manifest(path) else _rows_of_files(path, is_rated=bool(ratings))
     else:
         rows = _episode_rows(path)
     if wants_json():
@@ -48,13 +51,54 @@ def command(path: Path) -> None:
         show_table(line for name, value in rows for line in _lines(name, value))
 
 
-def _dataset_rows(folder: Path, *, is_rated: bool) -> Rows:
+def _rows_of_files(path: Path, *, is_rated: bool) -> Rows:
+    """Contents of the episodes of a folder or shard without a manifest."""
+    from sonata2d.datasets.dataset import Dataset
+    from sonata2d.datasets.summaries import totals_of
+    from sonata2d.errors import RecordError
+
+    try:
+        dataset = Dataset(path)
+    except RecordError:
+        if is_rated:  # the rated files may lie elsewhere
+            return [("folder", str(path))]
+        raise
+    values: dict[str, Counter[Any]] = {name: Counter() for name in _COUNTED_IN_FILES}
+    files: list[dict[str, Any]] = []
+    for record in dataset:
+        files.append({"ticks": len(record), **record.counts()})
+        document = record.document
+        facts = record.scene().name, record.controller_info.path, record.seed, record.outcome.status, record.family
+        for counter, value in zip(
+            values.values(), (*facts, document["physics"], document["software"]["sonata2d"]), strict=True
+        ):
+            counter[value] += 1
+    totals = totals_of(files)
+    counts = {name: dict(sorted(counter.items())) for name, counter in values.items()}
+    return [
+        ("files", str(path)),
+        *((name, _only(counts.pop(name))) for name in ("scenario", "controller", "seed")),
+        ("episodes", len(files)),
+        ("frames", totals.frames),
+        ("outcomes", counts.pop("outcomes")),
+        ("contacts", totals.contacts),
+        *([("commands beyond limits", totals.excess)] if totals.excess else []),
+        ("families", counts.pop("families")),
+        *((name, _only(versions)) for name, versions in counts.items()),
+    ]
+
+
+def _only(values: Iterable[object]) -> object:
+    """The only value, or all of them as a list."""
+    found = list(values)
+    return found[0] if len(found) == 1 else found
+
+
+def _dataset_rows(folder: Path) -> Rows:
     """Contents of the manifest of a data set."""
-    from sonata2d.datasets.manifest import MANIFEST, read_manifest, unlisted_episodes
+    from sonata2d.datasets.manifest import read_manifest, unlisted_episodes
     from sonata2d.datasets.summaries import totals_of
 
-    if is_rated and not (folder / MANIFEST).exists():  # single files can be rated without a manifest
-        return [("folder", str(folder))]
     manifest = read_manifest(folder)
     files, counts = manifest["files"], manifest["counts"]
     totals = totals_of(files)

@@ -7,6 +7,7 @@ import importlib.util
 import json
 import subprocess
 import sys
+import tarfile
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import ModuleType
@@ -16,6 +17,7 @@ from click.testing import CliRunner
 from sonata2d_cli import doctor, main
 from sonata2d_cli.main import COMMANDS
 
+import sonata2d as s2
 from sonata2d.core.compiled import kernel as compiled
 from sonata2d.datasets.generate.run import KEEPABLE
 from sonata2d.errors import ControllerWarning
@@ -118,6 +120,26 @@ def test_controller_from_a_file_drives_and_labels(sonata2d: Run, here: Path) -> 
         sonata2d("check out --rerun --workers 1", code=1).output
     )
     sonata2d("check out --rerun --controller ./polite.py:Polite --workers 1")
+
+
+def test_describe_summarises_what_check_reads(sonata2d: Run) -> None:
+    sonata2d("generate out --scenario empty --controller straight-to-goal --episodes 3 --seed 4 --shard-size 3")
+    Path("loose").mkdir()
+    with tarfile.open("out/shard-000000.tar") as shard:
+        shard.extractall("loose", filter="data")
+    Path("out/shard-000000.tar").rename("x.tar")
+    for name in ("x.tar", "loose"):
+        assert "3 files checked, no problems" in sonata2d(f"check {name}").output
+        values = json.loads(sonata2d(f"describe {name} --json").output)
+        expected = {"scenario": "empty", "controller": "straight-to-goal", "seed": 4, "episodes": 3}
+        assert {key: values[key] for key in expected} == expected
+        assert sum(values["outcomes"].values()) == sum(values["families"].values()) == 3
+        frames = [len(s2.read_episode(path)) for path in sorted(Path("loose").iterdir())]
+        assert values["frames"] == sum(frames)
+    sonata2d("generate other --scenario lively --controller straight-to-goal --episodes 1")
+    Path("other/000000.json").rename("loose/other.json")
+    values = json.loads(sonata2d("describe loose --json").output)
+    assert (values["scenario"], values["seed"]) == (["empty", "lively"], [0, 4])
 
 
 def test_describe_summarises_data_sets_and_episodes(sonata2d: Run) -> None:

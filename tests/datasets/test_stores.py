@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import os
+import subprocess
+import sys
 import uuid
 import warnings
 from collections.abc import Iterator
@@ -88,6 +90,13 @@ def local(tmp_path_factory: pytest.TempPathFactory) -> dict[int | None, Path]:
     return folders
 
 
+@pytest.fixture(autouse=True)
+def quick_claims(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Programs of most tests are alone."""
+    monkeypatch.setattr("sonata2d.record.claims._SETTLE_S", 0.0)
+    monkeypatch.setattr("sonata2d.record.claims._CHECK_S", 0.0)
+
+
 def contents(folder: str | Path) -> dict[str, bytes]:
     """All files but the run log."""
     place = location(folder)
@@ -141,6 +150,64 @@ def test_an_interrupted_run_in_a_store_is_continued(
             s2.generate_dataset(f"{store}/{size}", QUICK, "straight-to-goal", shard_size=size, **SETTINGS)
         s2.generate_dataset(f"{store}/{size}", QUICK, "straight-to-goal", shard_size=size, resume=True, **SETTINGS)
         assert contents(f"{store}/{size}") == contents(local[size])
+
+
+def test_a_run_whose_folder_another_one_takes_stops_with_an_error(store: str, local: dict[int | None, Path]) -> None:
+    """The second run begins and ends while the first one is between two episodes."""
+    url, begun = f"{store}/set", []
+
+    def advance(_: int) -> None:
+        if not begun:
+            begun.append(True)
+            s2.generate_dataset(url, QUICK, "straight-to-goal", overwrite=True, **SETTINGS)
+
+    with pytest.raises(RecordError, match=r"another program writes to .*set, so this one has stopped"):
+        s2.generate_dataset(url, QUICK, "straight-to-goal", episodes=7, seed=6, advance=advance)
+    assert contents(url) == contents(local[None])
+    with pytest.raises(RecordError, match="already holds a data set"):
+        s2.generate_dataset(url, QUICK, "straight-to-goal", episodes=7, seed=6)
+    assert contents(url) == contents(local[None])
+
+
+def test_of_two_programs_that_begin_together_one_stops_with_an_error(endpoint: str) -> None:
+    url = f"s3://sets/{uuid.uuid4().hex}"
+    code = (
+        "import sys, time, sonata2d as s2; seed = int(sys.argv[2]); print(seed, flush=True); sys.stdin.readline()\n"
+        "s2.generate_dataset(sys.argv[1], 'empty', 'straight-to-goal', episodes=30, seed=seed)"
+    )
+    pipe = subprocess.PIPE
+    programs = [
+        subprocess.Popen([sys.executable, "-c", code, url, str(seed)], stdin=pipe, stdout=pipe, stderr=pipe, text=True)
+        for seed in (1, 2)
+    ]
+    for program in programs:  # both have imported the package
+        assert program.stdout is not None
+        assert program.stdout.readline().strip() in ("1", "2")
+    for program in programs:
+        assert program.stdin is not None
+        program.stdin.write("\n")
+        program.stdin.flush()
+    errors = [program.communicate()[1] for program in programs]
+    codes = [program.returncode for program in programs]
+    assert sorted(codes) == [0, 1], errors
+    assert "another program writes to" in errors[codes.index(1)].splitlines()[-1]
+    assert {record.document["seed"] for record in s2.Dataset(url)} == {codes.index(0) + 1}
+    assert verify(url) == []
+    assert not [name for name in file_names(location(url)) if name.startswith(".")]
+
+
+def test_a_mirror_image_that_another_program_replaces_is_an_error(
+    store: str, local: dict[int | None, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def taken(folder: Path, work: Path, *rest: Any) -> Any:
+        write_atomically(work / ".sonata2d-lock", b"another")
+        write_atomically(work / "000000-mirror.json", b"{}")
+        raise RecordError("no image")
+
+    monkeypatch.setattr("sonata2d.datasets.transforms.mirror._listed_image", taken)
+    with pytest.raises(RecordError, match="no image"):
+        mirror_dataset(local[None], f"{store}/mirrored")
+    assert sorted(file_names(location(f"{store}/mirrored"))) == [".sonata2d-lock", "000000-mirror.json"]
 
 
 def test_data_sets_are_transformed_into_a_store(store: str, local: dict[int | None, Path], tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ def batch_runner(job: Job) -> Callable[[int], Batch | FailedEpisode]:
 def _run_batch(job: Job, controller: Controller, number: int) -> Batch | FailedEpisode:
     """Generate a batch. Finished episodes of an interrupted shard stay in a file; the next attempt takes them over."""
     first, stop = job.spec.covered(number)
-    with _NewBatch(job.out, number, job.spec) as batch:
+    with _NewBatch(job, number) as batch:
         for episode in range(first, stop):
             stop_if_over()
             if batch.takes_over(episode):
@@ -56,16 +56,16 @@ class _NewBatch:
     """A batch that is being written: a shard, which gets its name when it is complete, or a file of a folder.
 
     Args:
-        folder: of the data set.
+        job: of the data set.
         number: of the batch.
-        spec: specification of the data set.
 
     Raises:
         RecordError: the shard cannot be written.
     """
 
-    def __init__(self, folder: Path, number: int, spec: DatasetSpec) -> None:
-        self._folder, self._number, self._spec = folder, number, spec
+    def __init__(self, job: Job, number: int) -> None:
+        folder, spec = job.out, job.spec
+        self._folder, self._number, self._spec, self._claim = folder, number, spec, job.claim
         self._rows: list[JsonDict] = []
         self._left_out: list[tuple[int, str]] = []
         self._path = folder / shard_name(number)
@@ -138,6 +138,7 @@ class _NewBatch:
             self._writer.discard()
         else:
             stop_if_unwanted()
+            self._claim.require()
             delete(shard_manifest_path(self._path))  # it would describe the new file wrongly
             manifest = self._manifest(self._writer, stop)
             write_shard_manifest(self._path, manifest)
@@ -166,6 +167,7 @@ class _NewBatch:
     def _append(self, row: JsonDict, data: bytes) -> None:
         if self._writer is None:
             stop_if_unwanted()
+            self._claim.require()
             write_atomically(self._folder / row["name"], data)
         else:
             row = row | {"offset": self._writer.add(row["name"], data)}
@@ -251,28 +253,27 @@ def _batch_of(number: int, manifest: JsonDict) -> Batch:
     return Batch(number, manifest["shard"]["stop"], row, manifest["counts"], left_out, manifest["split"] is not None)
 
 
-def cut_shard(folder: Path, spec: DatasetSpec, batch: Batch, episodes: int) -> Batch:
+def cut_shard(job: Job, batch: Batch, episodes: int) -> Batch:
     """The last shard of a data set with `keep`, with its first episodes only.
 
     Args:
-        folder: of the data set.
-        spec: specification of the data set.
+        job: of the data set.
         batch: the shard.
         episodes: number of episodes that it should have; 1 or more.
 
     Raises:
         RecordError: the shard cannot be read or written.
     """
-    path = folder / shard_name(batch.number)
+    path = job.out / shard_name(batch.number)
     manifest = read_document(path)
     numbers = [row["episode"] for row in manifest["files"][:episodes]]
     stop = numbers[-1] + 1
     if stop == batch.stop and len(numbers) == batch.episodes:
         return batch
-    with _NewBatch(folder, batch.number, spec) as shard:
+    with _NewBatch(job, batch.number) as shard:
         for number in numbers:
             if not shard.takes_over(number):
-                raise RecordError(f"{path / spec.file_name(number)} was changed since it was generated")
+                raise RecordError(f"{path / job.spec.file_name(number)} was changed since it was generated")
         for number, outcome in manifest["shard"]["left_out"]:
             if number < stop:
                 shard.leave_out(number, outcome)

@@ -19,6 +19,7 @@ from ...core.snapshot import ControllerInfo, Frame, Outcome, Snapshot
 from ...core.wording import described, one_line, text_of
 from ...errors import ControllerError, RecordError, SceneError, Sonata2dError
 from ...record.canonical import parse_header
+from ...record.claims import StoreClaim
 from ...record.files import compress, write_atomically
 from ...record.layout import JsonDict
 from ...record.recorder import EpisodeRecorder
@@ -46,12 +47,14 @@ class Job:
         scenario: settings of the scenes.
         spec: specification of the data set.
         source: of the controller.
+        claim: of the folder.
     """
 
     out: Path
     scenario: ScenarioConfig
     spec: DatasetSpec
     source: ControllerSource
+    claim: StoreClaim
 
 
 class Store(Protocol):
@@ -142,7 +145,8 @@ def _failed(job: Job, recorder: EpisodeRecorder, episode: int, error: BaseExcept
     # not the class itself, which a controller may have defined where pickle cannot find it
     kind = next((failure for failure in FAILURES if isinstance(error, failure)), ControllerError)
     partial_file: str | None = None
-    with suppress(RecordError):  # there may be no frames
+    with suppress(RecordError):  # there may be no frames, or another program has the folder
+        job.claim.require()
         row, data = packed_episode(job.spec, episode, recorder)
         write_atomically(job.out / FAILED / row["name"], data)
         partial_file = row["name"]

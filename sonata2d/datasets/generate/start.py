@@ -12,6 +12,7 @@ from ...core.files.locking import acquired_lock
 from ...core.files.whole_file import TEMPORARY_PREFIX
 from ...core.wording import shown
 from ...errors import RecordError
+from ...record.claims import StoreClaim
 from ...record.files import file_suffix
 from ...record.layout import JsonDict
 from ...record.shard_file import extents
@@ -44,7 +45,9 @@ _NOT_GENERATED = {  # by key of a manifest
 }
 
 
-def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, overwrite: bool = False) -> dict[str, str]:
+def start_dataset(
+    folder: Path, spec: DatasetSpec, *, resume: bool = False, overwrite: bool = False, claim: StoreClaim | None = None
+) -> dict[str, str]:
     """Begin a data set in a new or empty folder or in place of another one, or continue an interrupted one.
 
     A data set without episodes, as of a run that failed at once, is always replaced.
@@ -55,13 +58,16 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, over
         resume: continue the data set that the folder holds.
         overwrite: replace the data set that the folder holds: its episodes and the other files that sonata2d writes.
             Other files stay.
+        claim: of the folder; it is taken before the folder is changed.
 
     Returns:
         SHA-256 by file name of the files listed in the manifest of a continued data set.
 
     Raises:
-        RecordError: the folder holds other files, or a data set that can be neither continued nor replaced.
+        RecordError: the folder holds other files, or a data set that can be neither continued nor replaced; or another
+            program writes to it.
     """
+    is_replaced = False
     listed: dict[str, str] = {}
     _require_no_file(folder)
     if (folder / MANIFEST).exists():
@@ -71,7 +77,7 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, over
             _require_same_suffix(folder, spec)
             listed = {row["name"]: row["sha256"] for row in listing(stored)}
         elif overwrite or not (stored["files"] or has_episodes(folder)):
-            _remove_dataset(folder)
+            is_replaced = True
         elif resume:
             remedy = "repeat the options with which it was begun, choose another folder, or replace it with --overwrite"
             raise RecordError(f"{folder} holds another data set: {differences}; {remedy}")
@@ -82,6 +88,10 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, over
             )
     elif folder.exists() and any(not path.name.startswith(TEMPORARY_PREFIX) for path in folder.iterdir()):
         raise RecordError(f"{folder} is not empty and has no {MANIFEST}; choose another folder")
+    if claim is not None:
+        claim.take()
+    if is_replaced:
+        _remove_dataset(folder)
     remove_partial_files(folder)
     # The manifest is written first, because a later resumption recognises the data set by it.
     write_json(folder / MANIFEST, manifest_of(spec, (), counts_of(()), {}, complete=False))
@@ -91,23 +101,27 @@ def start_dataset(folder: Path, spec: DatasetSpec, *, resume: bool = False, over
 
 
 @contextmanager
-def sole_writer(folder: Path) -> Iterator[None]:
+def sole_writer(folder: Path) -> Iterator[StoreClaim]:
     """Hold the lock of a folder, which is created: two programs that generate one data set would lose episodes.
 
-    A folder in a store has no lock.
+    Yields the claim of a folder in a store, which has no lock; `start_dataset` takes it.
 
     Raises:
         RecordError: another program holds the lock, or the folder cannot be written.
     """
     _require_no_file(folder)
-    if is_remote(folder):  # a store has no locks
-        yield
+    claim = StoreClaim(folder / LOCK)
+    if is_remote(folder):
+        try:
+            yield claim
+        finally:
+            claim.release()
         return
     lock = acquired_lock(
         folder / LOCK, f"another program is generating {folder}; wait for it, or choose another folder"
     )
     try:
-        yield
+        yield claim
     finally:
         lock.release()
         with suppress(OSError):  # the file alone locks nothing

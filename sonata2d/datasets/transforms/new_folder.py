@@ -12,6 +12,8 @@ from uuid import uuid4
 from ...core.files.locations import file_names, is_remote
 from ...core.files.whole_file import TEMPORARY_PREFIX
 from ...errors import RecordError
+from ...record.claims import StoreClaim
+from ..manifest.names import LOCK
 
 
 @contextmanager
@@ -24,13 +26,19 @@ def new_folder(out: Path) -> Iterator[Path]:
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise RecordError(f"{out} already exists and is not empty; choose another name")
     if is_remote(out):  # objects cannot be renamed together: the manifest, which is written last, makes the data set
+        claim = StoreClaim(out / LOCK)
+        claim.take()
         try:
             yield out
+            claim.require()
         except BaseException:
-            with suppress(OSError):
+            with suppress(OSError, RecordError):
+                claim.require()
                 for name in file_names(out):
                     (out / name).unlink(missing_ok=True)
             raise
+        finally:
+            claim.release()
         return
     work = out.parent / f"{TEMPORARY_PREFIX}{uuid4().hex}"
     try:
