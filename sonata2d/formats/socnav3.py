@@ -18,6 +18,12 @@ from .occupancy import occupancy_grid
 from .socnav3_import import EXTRAS, NAME, import_
 
 TYPES = ("chair", "table", "plant", "tv", "shelf", "floor_lamp")
+# Types of the presets and usual ones: the listed type that people use most alike.
+_SIMILAR = {
+    "counter": "table", "desk": "table", "bar": "table", "bed": "table", "bench": "chair", "sofa": "chair",
+    "couch": "chair", "armchair": "chair", "stool": "chair", "wardrobe": "shelf", "cabinet": "shelf",
+    "cupboard": "shelf", "bookcase": "shelf", "screen": "tv", "lamp": "floor_lamp",
+}  # fmt: skip
 _ANY_TYPE = "*"  # key of `Options.types` for all types of solid objects that have no key of their own
 # The loader of the format requires a context that is a row of its table; this row states as little as possible.
 DEFAULT_CONTEXT = "A robot is performing routine tasks in a home."
@@ -48,13 +54,18 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
 
 
 def note(record: EpisodeRecord, options: Options) -> str | None:
-    """Say that the context of an exported file is a default and not the context of the scenario."""
-    if options.context is not None or record.context is not None:
-        return None
-    return (
-        f"no context is recorded, so context_description is {DEFAULT_CONTEXT!r}, on which the model's rating depends;"
-        " pass --context TEXT, or --context '' to write none"
-    )
+    """Say that the context of an exported file, or the type of an object, is a default and not that of the scenario."""
+    notes = []
+    if options.context is None and record.context is None:
+        notes.append(
+            f"no context is recorded, so context_description is {DEFAULT_CONTEXT!r}, on which the model's rating "
+            "depends; pass --context TEXT, or --context '' to write none"
+        )
+    written = {thing.type for thing in record.scene().furniture if _written_type(thing, options)}
+    similar = {type: _similar_type(type, options) for type in sorted(written)}
+    if listed := ", ".join(f"{type} as {other}" for type, other in similar.items() if other):
+        notes.append(f"objects of unlisted types are written as similar ones: {listed}; choose others with --as")
+    return "; ".join(notes) or None
 
 
 def _context(record: EpisodeRecord, options: Options) -> str | None:
@@ -68,7 +79,17 @@ def _written_type(thing: Furniture, options: Options) -> str | None:
     if thing.type in TYPES:
         return thing.type
     name = options.types.get(thing.type) or furniture_type(thing.type).names.get(NAME)
-    return name or (options.types.get(_ANY_TYPE) if _must_be_written(thing) else None)
+    if name or not _must_be_written(thing):
+        return name
+    return options.types.get(_ANY_TYPE) or _similar_type(thing.type, options)
+
+
+def _similar_type(type: str, options: Options) -> str | None:
+    """The listed type in place of an unlisted one for which nobody has chosen another; None: there is none."""
+    is_chosen = (
+        type in TYPES or type in options.types or _ANY_TYPE in options.types or NAME in furniture_type(type).names
+    )
+    return None if is_chosen else _SIMILAR.get(type)
 
 
 def _must_be_written(thing: Furniture) -> bool:

@@ -26,6 +26,7 @@ from sonata2d.record.files import read_bytes
 from sonata2d.record.layout import JsonDict
 from sonata2d.record.reader import read_episode, record_from_document
 from sonata2d.record.record import EpisodeRecord
+from sonata2d.scenegen.scenario.load import preset_names
 
 from ..record.conftest import episode  # noqa: F401
 
@@ -215,6 +216,30 @@ def test_objects_of_unlisted_types_are_written_as_a_given_type(episode: Path, tm
         assert imported(file, tmp_path)["objects"] == document["objects"], "the episode keeps its own types"
     with pytest.raises(RecordError, match="no objects of type 'bed'"):
         socnav3.export(settee, Options(types={"settee": "bed"}))
+
+
+@pytest.mark.parametrize("preset", preset_names())
+def test_every_preset_is_exported(preset: str, tmp_path: Path) -> None:
+    config = s2.load_scenario(preset).changed(rules={"time_limit": 0.5})
+    s2.generate_dataset(tmp_path / "out", config, "straight-to-goal", episodes=1)
+    result = export_to(tmp_path / "out", "socnav3", tmp_path / "exported", Options(context="A robot waits."))
+    assert (len(result.files), result.skipped, result.refused) == (1, [], [])
+    if preset != "waiting-room":
+        assert result.notes == []
+        return
+    (note,) = result.notes
+    assert note.startswith("objects of unlisted types are written as similar ones: counter as table; choose")
+    (counter,) = [
+        thing for thing in s2.read_episode(tmp_path / "out/000000.json").scene().furniture if thing.type == "counter"
+    ]
+    objects = {thing["id"]: thing for thing in json.loads(result.files[0].read_text())["sequence"][0]["objects"]}
+    assert objects[counter.id]["type"] == "table"
+    assert sorted((objects[counter.id]["shape"]["length"], objects[counter.id]["shape"]["width"])) == [0.6, 2.4]
+    chosen = Options(context="", types={"counter": "shelf"})
+    again = export_to(tmp_path / "out", "socnav3", tmp_path / "again", chosen)
+    assert again.notes == []
+    objects = {thing["id"]: thing for thing in json.loads(again.files[0].read_text())["sequence"][0]["objects"]}
+    assert objects[counter.id]["type"] == "shelf"
 
 
 @pytest.mark.parametrize(
