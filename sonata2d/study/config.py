@@ -13,7 +13,7 @@ from ..core.devices import View
 from ..scenegen.scenario.base import Settings, TupleOf
 from ..scenegen.scenario.problems import setting_error
 from .questions import AnyEntry, RatingQuestion, ScaleConfig
-from .texts import Name, Path, Text, Texts, require_distinct, texts_in
+from .texts import Name, Path, Text, Texts, Translations, TwoTranslations, require_distinct, texts_in
 
 _Questionnaire = Annotated[TupleOf[AnyEntry], Field(max_length=100)]
 Order = Literal["fixed", "shuffled", "latin-square"]
@@ -65,8 +65,8 @@ class LabelTexts(Settings):
     translated: ClassVar[tuple[str, ...]] = ("question",)
 
     question: Text | None = None
-    classes: dict[str, tuple[str, ...]] = Field(default_factory=dict)
-    ends: dict[str, tuple[str, str]] = Field(default_factory=dict)
+    classes: Translations = Field(default_factory=dict)
+    ends: TwoTranslations = Field(default_factory=dict)
 
 
 class PracticeConfig(Settings):

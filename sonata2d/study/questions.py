@@ -22,7 +22,7 @@ from ..registry import QUESTION_KINDS
 from ..scenegen.scenario.base import Settings, TupleOf
 from ..scenegen.scenario.problems import setting_error
 from .scales import Item, Scale, scale_named, scale_names
-from .texts import Json, Name, Text, Texts, in_language, no_text, require_distinct, with_texts
+from .texts import Json, Name, Text, Texts, TwoTexts, in_language, no_text, require_distinct, with_texts
 
 _MAX_TEXT_ANSWER = 5000  # characters
 _MAX_NUMBER = 2**53  # largest magnitude at which JSON readers keep integers exact
@@ -146,7 +146,9 @@ class Classes(LabelQuestion):
     """A choice of one of several classes; the answer is the number of the class, from 1.
 
     Attributes:
-        classes: names of the classes, or their number; 2 to 20.
+        classes: names of the classes, or their number; 2 to 20. Names in several languages are
+            `{en: [rude, kind], de: [grob, nett]}` or `[{en: rude, de: grob}, {en: kind, de: nett}]`; the texts of all
+            other lists and pairs, too.
     """
 
     renderer = label_kind = "classes"
@@ -176,7 +178,7 @@ class Slider(LabelQuestion):
     translated = ("question", "ends")
     remedies: ClassVar = {"ends": "give the meaning of both ends: [not at all, entirely]"}
 
-    ends: tuple[Text, Text]
+    ends: TwoTexts
 
 
 class FreeText(LabelQuestion):
@@ -236,7 +238,7 @@ class Likert(Question):
 
     items: Annotated[TupleOf[Item], Field(min_length=1, max_length=60)]
     points: Annotated[int, Field(ge=2, le=11)] = 5
-    ends: tuple[Text, Text] | None = None
+    ends: TwoTexts | None = None
     labels: Annotated[Texts, Field(min_length=2, max_length=11)] | None = None
     shuffle: bool = False
 

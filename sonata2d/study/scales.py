@@ -13,7 +13,7 @@ from pydantic import model_validator
 from ..scenegen.scenario.base import Settings
 from ..scenegen.scenario.parse import parse_settings
 from ..scenegen.scenario.problems import setting_error
-from .texts import Text
+from .texts import Text, TwoTexts
 
 _FOLDER = Path(__file__).with_name("scales")
 _FRAME = ("question", "first", "last")  # texts of a scale besides its items
@@ -34,7 +34,7 @@ class Item(Settings):
 
     name: str
     text: Text | None = None
-    ends: tuple[Text, Text] | None = None
+    ends: TwoTexts | None = None
     reversed: bool = False
     subscale: str = ""
 

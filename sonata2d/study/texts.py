@@ -34,7 +34,47 @@ def _as_written(value: Any) -> Any:
 
 Text = Annotated[str | dict[str, str], BeforeValidator(_as_written)]
 """A text in one language, or by language."""
-Texts = TupleOf[Text]
+
+
+def _as_list(value: Any) -> Any:
+    """Convert lists by language to a list of texts by language; other values are returned as they are.
+
+    >>> _as_list({"en": ["rude", "kind"], "de": ["grob", "nett"]})
+    [{'en': 'rude', 'de': 'grob'}, {'en': 'kind', 'de': 'nett'}]
+    """
+    if not isinstance(value, dict):
+        return value
+    for language, texts in value.items():
+        if not isinstance(texts, list | tuple):
+            raise setting_error(f"{language!r} has no list of texts; write {{en: [a, b], de: [c, d]}}, or [a, b]")
+        for text in texts:
+            _as_written(text)
+    counts = {language: len(texts) for language, texts in value.items()}
+    if len(set(counts.values())) > 1:
+        listed = ", ".join(f"{count} in {language!r}" for language, count in counts.items())
+        raise setting_error(f"each language needs as many texts, got {listed}")
+    return [dict(zip(value, texts, strict=True)) for texts in zip(*value.values(), strict=True)]
+
+
+def _as_languages(value: Any) -> Any:
+    """Convert a list of texts by language to lists by language; other values are returned as they are.
+
+    >>> _as_languages([{"en": "rude", "de": "grob"}, {"en": "kind", "de": "nett"}])
+    {'en': ['rude', 'kind'], 'de': ['grob', 'nett']}
+    """
+    if not isinstance(value, list | tuple):
+        return value
+    if not all(isinstance(texts, dict) and texts.keys() == value[0].keys() for texts in value):
+        raise setting_error("each text needs the same languages: {en: [a, b], de: [c, d]}, or [{en: a, de: c}, …]")
+    return {language: [texts[language] for texts in value] for language in (value[0] if value else ())}
+
+
+Texts = Annotated[TupleOf[Text], BeforeValidator(_as_list)]
+"""Texts, each in one language or by language; or lists of texts by language."""
+TwoTexts = Annotated[tuple[Text, Text], BeforeValidator(_as_list)]
+Translations = Annotated[dict[str, tuple[str, ...]], BeforeValidator(_as_languages)]
+"""Texts by language, `{en: [a, b], de: [c, d]}`; or a list of texts by language."""
+TwoTranslations = Annotated[dict[str, tuple[str, str]], BeforeValidator(_as_languages)]
 
 
 def in_language(text: Text, language: str) -> str:

@@ -85,6 +85,51 @@ def test_content_is_in_a_language_and_hides_reversed_rows() -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize("form", ["texts by language", "lists by language"])
+def test_lists_of_texts_have_two_forms(form: str) -> None:
+    is_lists = form == "lists by language"
+    texts: Any = {"en": ["rude", "kind"], "de": ["grob", "nett"]}
+    listed = texts if is_lists else [{"en": "rude", "de": "grob"}, {"en": "kind", "de": "nett"}]
+    items = {"pair": {"ends": listed}}
+    for language, words in texts.items():
+        assert question_of("classes", classes=listed).content(language)["classes"] == words
+        assert question_of("slider", ends=listed).content(language)["ends"] == words
+        content = question_of("likert", items=items, points=2, ends=listed, labels=listed).content(language)
+        assert content["ends"] == content["labels"] == content["items"][0]["ends"] == words
+    config = StudyConfig.model_validate(
+        {
+            "title": {"en": "A", "de": "B"},
+            "languages": ["en", "de"],
+            "consent": {"title": {"en": "C", "de": "D"}, "text": {"en": "E", "de": "F"}, "statements": listed},
+            "runs": [{"scenario": "empty", "label": {"classes": listed, "ends": listed}}],
+        }
+    )
+    assert config.consent is not None
+    assert config.consent.statements == ({"en": "rude", "de": "grob"}, {"en": "kind", "de": "nett"})
+    assert config.runs[0].label.classes == config.runs[0].label.ends == {k: tuple(v) for k, v in texts.items()}
+
+
+@pytest.mark.parametrize(
+    ("classes", "problem"),
+    [
+        ("{en: [a, b], de: [c]}", r"end\.0\.classes: each language needs as many texts, got 2 in 'en', 1 in 'de'"),
+        ("{en: [a, b], de: c}", r"end\.0\.classes: 'de' has no list of texts; write \{en: \[a, b\], de: \[c, d\]\}"),
+        ("{en: [a, b]}", r"end\.0\.classes\.en: the text in the language 'de' is missing"),
+        (
+            "{en: [a, yes], de: [c, d]}",
+            r"end\.0\.classes: yes, no, on, off, true and false are texts in quotes only",
+        ),
+        ("{}", r"end\.0\.classes"),
+    ],
+)
+def test_lists_of_texts_that_do_not_fit_are_named(study_file: Path, classes: str, problem: str) -> None:
+    start = "title: {en: A, de: B}\nlanguages: [en, de]\nruns: [{scenario: empty}]\n"
+    question = f"end: [{{name: a, kind: classes, classes: {classes}, question: {{en: C, de: D}}}}]\n"
+    study_file.write_text(start + question)
+    with pytest.raises(ConfigError, match=problem):
+        load_study(study_file)
+
+
 @pytest.mark.parametrize("kind", KEYS)
 def test_ratings_are_labels_of_the_same_kind(kind: str) -> None:
     question = question_of(kind)
