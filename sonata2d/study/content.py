@@ -13,16 +13,16 @@ from .texts import Json, in_language
 
 def step_content(participant: Progress) -> Json:
     """The present step with texts in HTML; runs to drive and to rate are not part of it."""
-    step, language = participant.step, participant.language
+    step, language, pictures = participant.step, participant.language, participant.study.pictures
     content: Json = {"id": step.id, "kind": "declined" if participant.has_declined else step.kind}
     if step.title:
         content["title"] = in_language(step.title, language)
     elif step.id == PRACTICE_TEXT:
         content["title"] = participant.study.tables[language]["web.practice"]
     if step.text:
-        content["html"] = html_of(in_language(step.text, language))
+        content["html"] = html_of(in_language(step.text, language), pictures)
     if step.kind == "consent":
-        content["statements"] = [html_of(in_language(text, language)) for text in step.statements]
+        content["statements"] = [html_of(in_language(text, language), pictures) for text in step.statements]
     if step.kind == "questions":
         content["questions"] = [question_content(entry, participant) for entry in step.entries]
     return content

@@ -11,7 +11,7 @@ from pathlib import Path
 from ..collect.collection import DISCARDED
 from ..datasets.manifest import CARD, CROISSANT, LOG, MANIFEST, SCENARIO, read_manifest
 from ..errors import RecordError
-from .folder import ANSWERS, LOCK, PERSONAL, RATED, STUDY, read_state, require_outside
+from .folder import ANSWERS, LOCK, PERSONAL, PICTURES, RATED, STUDY, read_state, require_outside
 from .report import TABLES, results_of, table_of
 
 
@@ -74,7 +74,7 @@ def _files(out: Path, personal: bool) -> Iterator[Path]:
         yield out / MANIFEST
         yield from (out / row["name"] for row in read_manifest(out)["files"])
     yield from (path for name in (SCENARIO, LOG, CARD, CROISSANT) if (path := out / name).exists())
-    folders = [out / DISCARDED, out / RATED, out / STUDY / ANSWERS]
+    folders = [out / DISCARDED, out / RATED, out / STUDY / ANSWERS, out / STUDY / PICTURES]
     folders += [out / STUDY / PERSONAL] if personal else []
     for folder in folders:
         yield from (path for path in sorted(folder.rglob("*")) if path.is_file() and not path.name.startswith("."))

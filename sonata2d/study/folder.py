@@ -25,7 +25,7 @@ from ..record.files import read_bytes, safe_stem, sha256_of, write_atomically
 from .load import Study
 from .texts import with_texts
 
-STUDY, ANSWERS, PERSONAL, RATED = "study", "answers", "personal", "rated"
+STUDY, ANSWERS, PERSONAL, RATED, PICTURES = "study", "answers", "personal", "rated", "pictures"
 LOCK = "study.lock"
 _STATE = "study.json"
 
@@ -71,6 +71,9 @@ class StudyFolder:
             self.withdrawn = stored["withdrawn"]
         self._structure, self._adding = structure, threading.RLock()
         self._copy_rated()
+        for picture in study.pictures.values():
+            if not (copy := self.picture(picture.name)).exists():
+                write_atomically(copy, read_bytes(picture.path))
         if study.sha256 not in self._versions:
             self._versions.append(study.sha256)
             copy = self.out / STUDY / f"study-{study.sha256[:8]}{study.path.suffix}"
@@ -136,6 +139,10 @@ class StudyFolder:
     def personal_of(self, participant: str) -> Path:
         """The file with the personal answers of a participant."""
         return self.out / STUDY / PERSONAL / f"{safe_stem(participant)}.jsonl"
+
+    def picture(self, name: str) -> Path:
+        """The copy of a picture of the texts."""
+        return self.out / STUDY / PICTURES / name
 
     def rated(self, block: int) -> Path:
         """The folder with copies of the runs that a block of ratings is about, and with the ratings."""

@@ -19,9 +19,12 @@ from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.load import load_scenario, preset_names, validated
 from ..scenegen.scenario.parse import line_of, parse_settings
 from .config import LabelTexts, RatingConfig, StudyConfig
+from .markdown import Picture, path_of, picture_at, pictures_in
 from .questions import question_kind
+from .texts import texts_in
 
 _SCENES_PER_BLOCK = 10_000  # distance between the scene numbers of two blocks of runs
+_QUESTIONS = "demographics", "after_run", "end"  # sections of questionnaires
 _MAX_ATTEMPTS = 50  # consecutive scenes of a scenario that cannot be generated before it is an error
 
 T = TypeVar("T")
@@ -39,6 +42,7 @@ class Study:
         practice: scenario of the practice; None without one.
         rated: the runs to be rated, of each block of ratings.
         tables: words of the page, by language and `section.key`.
+        pictures: the picture files in texts, by their source in Markdown.
     """
 
     path: Path
@@ -48,6 +52,7 @@ class Study:
     practice: ScenarioConfig | None
     rated: tuple[tuple[Path, ...], ...]
     tables: dict[str, dict[str, str]]
+    pictures: dict[str, Picture]
     _numbers: dict[int, list[int]] = field(default_factory=dict, repr=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False, compare=False)
 
@@ -160,7 +165,14 @@ def load_study(path: str | Path) -> Study:
     for language in config.languages:
         place: list[int | str] = ["texts", language] if language in config.texts else ["languages"]
         tables[language] = resolved(_table, path, config, language, keys=place)
-    return Study(path, config, sha256_of(path), tuple(scenarios), practice, rated, tables)
+    pictures: dict[str, Picture] = {}
+    for keys, text in texts_in(config):
+        if keys[0] in _QUESTIONS or not {"text", "statements"}.intersection(keys):  # these are no Markdown
+            continue
+        for words in [text] if isinstance(text, str) else text.values():
+            for source in pictures_in(words):
+                pictures[source] = resolved(picture_at, path.parent / path_of(source), keys=[*keys])
+    return Study(path, config, sha256_of(path), tuple(scenarios), practice, rated, tables, pictures)
 
 
 def _scenario(path: Path, name: str) -> ScenarioConfig:

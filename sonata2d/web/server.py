@@ -51,6 +51,11 @@ _IDLE_S = 900.0  # time without a message, after which a connection is closed
 _SEND_TIMEOUT_S = 30.0  # in which a page has to receive an answer
 _NO_STORE = {"Cache-Control": "no-store"}
 _STATIC = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
+_PICTURES = {
+    ".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".gif": "image/gif", ".webp": "image/webp",
+    ".svg": "image/svg+xml",
+}  # fmt: skip
+_PICTURE_POLICY = "default-src 'none'; style-src 'unsafe-inline'; sandbox"  # an SVG can have scripts
 _HEADERS = {
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
@@ -90,6 +95,7 @@ class StudyServer:
         routes = [
             Route("/", self._front),
             Route("/static/{name}", self._static),
+            Route("/pictures/{name}", self._picture),
             Route("/s/{token}", self._study_page),
             Route("/j/{token}", self._join, methods=["GET", "POST"]),
             WebSocketRoute("/s/{token}/socket", self._socket),
@@ -117,6 +123,15 @@ class StudyServer:
             return self._not_found(request)
         media_type = _STATIC[name.rpartition(".")[2]]
         return Response(_static_files()[name], media_type=media_type, headers={"Cache-Control": "no-cache"})
+
+    async def _picture(self, request: Request) -> Response:
+        """A picture in the texts of the study."""
+        name = str(request.path_params["name"])
+        path = self.folder.picture(name)
+        if name not in {picture.name for picture in self.folder.study.pictures.values()} or not path.is_file():
+            return self._not_found(request)
+        headers = {"Cache-Control": "max-age=86400", "Content-Security-Policy": _PICTURE_POLICY}
+        return FileResponse(path, media_type=_PICTURES[path.suffix], headers=headers)
 
     async def _study_page(self, request: Request) -> Response:
         if self.links.participant_of(str(request.path_params["token"])) is None:

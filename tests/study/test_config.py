@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
@@ -13,13 +14,17 @@ from sonata2d_cli.main import main
 from sonata2d.errors import ConfigError
 from sonata2d.study.config import StudyConfig
 from sonata2d.study.content import question_content
+from sonata2d.study.folder import StudyFolder
 from sonata2d.study.load import load_study
+from sonata2d.study.markdown import html_of
 from sonata2d.study.plan import latin_square_row, run_order
 from sonata2d.study.progress import Progress
 from sonata2d.study.questions import Likert
 from sonata2d.study.scales import scale_named, scale_names
 
 from .conftest import STUDY
+
+PNG = b"\x89PNG\r\n\x1a\n"
 
 
 @pytest.mark.parametrize(
@@ -72,6 +77,47 @@ def test_an_error_in_a_row_of_a_table_names_the_row(tmp_path: Path) -> None:
     items = "      calm: {en: calm, de: ruhig}\n      fast: fast\n"
     (tmp_path / "study.yaml").write_text(start + table + items)
     with pytest.raises(ConfigError, match=r"line 10: end\.0\.items\.fast: a text of a study in several languages"):
+        load_study(tmp_path / "study.yaml")
+
+
+def test_pictures_of_texts_are_copied_into_the_study(tmp_path: Path) -> None:
+    (tmp_path / "my logo.PNG").write_bytes(PNG)
+    (tmp_path / "plan.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg"/>')
+    text = "![Our logo](my%20logo.PNG) [![](plan.svg)](https://example.org) ![other](https://example.org/a.png)"
+    path = tmp_path / "study.yaml"
+    path.write_text(f"title: A\npages: [{{title: B, text: {text!r}}}]\nruns: [{{scenario: empty}}]\n")
+    study = load_study(path)
+    names = {source: picture.name for source, picture in study.pictures.items()}
+    assert names == {
+        "my%20logo.PNG": f"{hashlib.sha256(PNG).hexdigest()[:16]}.png",
+        "plan.svg": f"{hashlib.sha256((tmp_path / 'plan.svg').read_bytes()).hexdigest()[:16]}.svg",
+    }
+    folder = StudyFolder(tmp_path / "out", study)
+    (tmp_path / "my logo.PNG").unlink()
+    assert folder.picture(names["my%20logo.PNG"]).read_bytes() == PNG
+    html = html_of(text, study.pictures)
+    assert f'<img src="../pictures/{names["my%20logo.PNG"]}" alt="Our logo" />' in html
+    assert f'<img src="../pictures/{names["plan.svg"]}" alt="" /></a>' in html
+    assert '<a href="https://example.org/a.png" target="_blank" rel="noopener noreferrer">other</a>' in html
+    assert html.count("<img") == 2
+    with pytest.raises(ConfigError, match=r"study\.yaml, line 2: pages\.0\.text: .*my logo\.PNG does not exist"):
+        load_study(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "problem"),
+    [
+        ("a.png", b"<script>", "a.png does not begin as a .png file does"),
+        ("a.png", PNG + bytes(5_000_000), "a.png has 5000008 bytes; a picture has up to 5000000"),
+        ("a.txt", PNG, "a.txt is no picture; its name ends with .png, .jpg"),
+        ("a", PNG, "a is no picture"),
+    ],
+)
+def test_a_file_that_is_no_picture_is_refused(tmp_path: Path, name: str, content: bytes, problem: str) -> None:
+    (tmp_path / name).write_bytes(content)
+    study = f"title: A\nconsent: {{title: B, text: C, statements: ['![]({name})']}}\nruns: [{{scenario: empty}}]\n"
+    (tmp_path / "study.yaml").write_text(study)
+    with pytest.raises(ConfigError, match=f"line 2: consent.statements.0: {problem}"):
         load_study(tmp_path / "study.yaml")
 
 

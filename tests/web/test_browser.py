@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import re
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,7 +17,7 @@ from sonata2d.study.report import results_of
 from sonata2d.web.server import MAPPINGS
 
 from .conftest import Served
-from .test_server import client_of
+from .test_server import client_of, fetch
 
 _STEP = "#step:not([hidden]) #title"
 
@@ -108,6 +109,34 @@ def answer_effort(page: Any, effort: int) -> None:
     page.wait_for_selector(_STEP)
     page.get_by_role("radio", name=str(effort), exact=True).check()
     go_on(page)
+
+
+def test_pictures_of_texts_are_shown(browser: Any, study_folder: Path) -> None:
+    logo = base64.b64decode(  # 3 × 2 pixels
+        "iVBORw0KGgoAAAANSUhEUgAAAAMAAAACCAIAAAASFvFNAAAAEElEQVR4nGP4z8AAQQxwFgBB0gX7h/C5SAAAAABJRU5ErkJggg=="
+    )
+    (study_folder / "logo.png").write_bytes(logo)
+    drawing = '<svg xmlns="http://www.w3.org/2000/svg" width="7" height="5"><script>alert(1)</script></svg>'
+    (study_folder / "plan.svg").write_text(drawing)
+    path = study_folder / "study.yaml"
+    text = path.read_text(encoding="utf-8").replace("You **drive**", "![Logo](logo.png) ![](plan.svg) You **drive**")
+    path.write_text(text, encoding="utf-8")
+    served = Served(study_folder)
+    try:
+        page = opened(browser, served.link())
+        page.wait_for_selector("#step .prose img")
+        page.wait_for_function("[...document.querySelectorAll('#step .prose img')].every(each => each.naturalWidth)")
+        sizes = (
+            "[...document.querySelectorAll('#step .prose img')].map(each => [each.naturalWidth, each.naturalHeight])"
+        )
+        assert page.evaluate(sizes) == [[3, 2], [7, 5]]
+        assert page.get_by_alt_text("Logo").count() == 1
+        assert page.problems == []
+        page.context.close()
+        assert fetch(f"{served.url}/pictures/study.json")[0] == 404
+        assert fetch(f"{served.url}/pictures/..%2fstudy.json")[0] == 404
+    finally:
+        served.stop()
 
 
 def test_a_whole_study(browser: Any, served: Served) -> None:
