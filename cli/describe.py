@@ -193,6 +193,7 @@ def _episode_rows(path: Path) -> Rows:
     walking = sum(human.walks_at_start and human.enters == 0 for human in scene.humans)
     recorded = sum(human.behaviour == "recorded" for human in scene.humans)
     sometimes_absent = int((~record.states.present).any(axis=0).sum())
+    missing = record.never_entered
     landmarks = {"doors": scene.doors, "queues": scene.queues, "places of interest": scene.places}
     goal = f"({scene.goal.x:.6g}, {scene.goal.y:.6g}), reached within {scene.goal.distance:g} m"
     rows: Rows = [
@@ -205,6 +206,7 @@ def _episode_rows(path: Path) -> Rows:
         ("people", f"{len(scene.humans)}, {walking} of them walking at the start"),
         *([("recorded people", recorded)] if recorded else []),
         *([("people who come or go", sometimes_absent)] if sometimes_absent else []),
+        *([("never entered", f"{_text(missing)}; the place where they enter was occupied")] if missing else []),
         ("ignore the robot", sum(human.reacts_to_robot == 0.0 for human in scene.humans)),
         ("towards the robot", dict(sorted(Counter(human.reaction for human in scene.humans).items()))),
         ("objects", [thing.type for thing in scene.furniture]),

@@ -193,9 +193,12 @@ Every key, by section, with its default. [Run a study in a day](how-to/studies.m
 
 A text is one text, or one for each language of the study: `{en: Welcome, de: Willkommen}`. Within braces, a text with
 a comma, a colon or a question mark needs quotes. Texts that are Markdown may have headings, lists, tables, links and
-emphasis; HTML in them is shown as text. `![Plan of the room](plan.png)` shows a picture: a PNG, JPEG, GIF, WebP or SVG
-file of up to 5 MB, relative to the study file, which is copied into the folder of the study. A picture of another
-server becomes a link.
+emphasis; HTML in them is shown as text. A picture is a PNG, JPEG, GIF, WebP or SVG file of up to 5 MB, relative to the
+study file, and is copied into the folder of the study; a picture of another server becomes a link:
+
+```yaml
+pages: [{title: The room, text: "![Plan of the room](images/waiting-room.png)"}]
+```
 """
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..core.devices import DeviceEvent
-from ..core.entities import Interaction
+from ..core.entities import Human, Interaction
 from ..core.geometry import Twist
 from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, Y
 from ..core.portable_math import Array, BoolArray, IntArray, arctan2
@@ -41,6 +41,25 @@ observation: Callable[[Snapshot], Observation] = attrgetter(
 """Return the parts of a snapshot that a file holds, as references."""
 
 
+def never_entered(humans: Sequence[Human], present: BoolArray, last_tick: int) -> list[int]:
+    """Ids of the pedestrians whose time to enter came, and who found no free space until the end of the episode.
+
+    Args:
+        humans: of the scene.
+        present: (T + 1, N), whether each one is present at each tick.
+        last_tick: of the final state.
+    """
+    absent = (humans[k] for k in np.flatnonzero(~present.any(axis=0)).tolist())
+    # recorded ones follow their tracks in any case
+    return [human.id for human in absent if human.enters <= last_tick and human.behaviour != "recorded"]
+
+
+def presence(observations: Sequence[Observation], count: int) -> BoolArray:
+    """(T + 1, N), whether each of N humans is present in each observation."""
+    everybody = np.ones(count, dtype=bool)
+    return np.array([everybody if seen[0].is_present is None else seen[0].is_present for seen in observations])
+
+
 def frame_lines(
     observations: Sequence[Observation], answers: Sequence[Answer], ids: list[int]
 ) -> tuple[list[bytes], bytes]:
@@ -60,8 +79,7 @@ def frame_lines(
     states, tick, time, interactions, contacts, events = zip(*observations, strict=True)
     table = np.concatenate([state.row for state in states]).reshape(len(states), -1)
     activity = np.concatenate([state.activity for state in states]).reshape(len(states), len(ids))
-    everybody = np.ones(len(ids), dtype=bool)
-    present = np.array([everybody if state.is_present is None else state.is_present for state in states])
+    present = presence(observations, len(ids))
     robot, executed, humans = _rounded_columns(table, present, ids)
     command = np.array([(twist.vx, twist.vy, twist.omega) for twist, _ in answers], dtype=float).reshape(-1, 3)
     require_finite(command, COMMAND_NAMES, "the command")

@@ -316,6 +316,10 @@ class Episode(Part):
     columns: Columns
     activities: list[str] = Field(description="names of the numbers in `activity`")
     outcome: Outcome
+    never_entered: list[int] | None = Field(
+        default=None,
+        description="ids of people who found no free space where they enter until the end; only if there are any",
+    )
     frames: list[Frame] = Field(description="one for each executed tick")
     final: LastLook = Field(description="state after the last frame, to which no command belongs")
     software: Software

@@ -21,6 +21,7 @@ from ..core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState,
 from ..core.wording import counted
 from ..view.drawing import Drawing, drawing_of
 from .counts import run_counts
+from .frames import never_entered
 from .layout import (
     ROW_HEAD,
     ROW_OMEGA,
@@ -256,6 +257,11 @@ class EpisodeRecord(Drawable):
         """Median and 95th percentile of the known `round_trips`, s; None if all are unknown."""
         times = self.round_trips[np.isfinite(self.round_trips)]
         return (float(np.median(times)), float(np.percentile(times, 95))) if len(times) else None
+
+    @property
+    def never_entered(self) -> list[int]:
+        """Ids of the pedestrians who found no free space where they enter, from their `enters` to the end."""
+        return never_entered(self.scene().humans, self.states.present, self.outcome.tick)
 
     def counts(self) -> JsonDict:
         """Return the contacts, and the commands beyond the robot's limits, as a manifest holds them.

@@ -22,7 +22,7 @@ from ..version import FORMAT, FORMAT_VERSION, PHYSICS_VERSION
 from .canonical import rounded, serialise, to_json_value
 from .counts import run_counts
 from .files import compress, file_stem, write_atomically
-from .frames import Answer, Observation, frame_lines, observation
+from .frames import Answer, Observation, frame_lines, never_entered, observation, presence
 from .layout import JsonDict, columns, software_versions
 from .reader import record_from_document
 from .record import EpisodeRecord
@@ -158,6 +158,7 @@ class EpisodeRecorder:
 
     def _header(self, scene: Scene, outcome: Outcome) -> JsonDict:
         """Return the keys before the frames, in the file's order."""
+        missing = never_entered(scene.humans, presence(self._observations, len(scene.humans)), outcome.tick)
         controller_info, branched, spec = self._controller_info, self._branched_from, self._label_spec
         # the label that the driver was asked for, and the label of the whole run
         label_keys = {"label_spec": to_json_value(asdict(spec), "label")} if spec.kind != "command" else {}
@@ -191,6 +192,7 @@ class EpisodeRecorder:
                 "tick": outcome.tick,
                 "time": quantised(outcome.time),
             },
+            **({"never_entered": missing} if missing else {}),
         }
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
+from sonata2d_cli.main import main
 
 import sonata2d as s2
 from sonata2d.agents.pedestrians.routes import EXIT_DISTANCE
@@ -48,6 +50,33 @@ def passer(number: int, start: Point, goal: Point, **fields: object) -> Human:
     """A pedestrian that walks to a goal and leaves there."""
     human = Human(number, Pose(*start), 0.2, behaviour="walking", goals=(goal,), exits=True, velocity=(0.0, -0.5))
     return replace(human, **fields)  # type: ignore[arg-type]
+
+
+def test_people_who_find_no_space_to_enter_are_noted(tmp_path: Path) -> None:
+    """2 finds 1 in its place; 3 has space; 4 is not due before the end; 5 should have left before it finds space."""
+    humans = (
+        Human(1, Pose(2.0, 2.0), 0.2),
+        passer(2, (2.1, 2.0), (2.0, -3.0), enters=10),
+        passer(3, (-2.0, 2.0), (-2.0, -3.0), enters=10),
+        passer(4, (2.0, 2.1), (2.0, -3.0), enters=61),
+        passer(5, (1.9, 2.0), (2.0, -3.0), enters=10, leaves=20),
+        recorded(6, enters=70),
+    )
+    path = tmp_path / "late.json"
+    for people, noted in ((humans, [2, 5]), (humans[:1] + humans[2:4], None)):
+        with JsonRecorder(path) as recorder:
+            Episode(replace(room(), humans=people, rules=RULES), Idle(), observers=[recorder]).run()
+        record = read_episode(path)
+        assert record.document.get("never_entered") == noted
+        assert record.never_entered == (noted or [])
+        assert verify(path, replay=True) == []
+    with JsonRecorder(path) as recorder:
+        Episode(replace(room(), humans=humans, rules=RULES), Idle(), observers=[recorder]).run()
+    line = " ".join(CliRunner().invoke(main, ["describe", str(path)]).output.split())
+    assert "never entered 2, 5; the place where they enter was occupied" in line
+    path.write_bytes(path.read_bytes().replace(b'"never_entered":[2,5]', b'"never_entered":[2]'))
+    (problem,) = verify(path)
+    assert "is [2], but the people who never entered are [2, 5]" in str(problem)
 
 
 def scene_with_changes() -> Scene:

@@ -270,7 +270,9 @@ def _check_overlaps(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Findin
 
 def _check_presence(record: EpisodeRecord) -> Iterator[Finding]:
     """Pedestrians must be absent before they enter and after they leave, and recorded ones must be on their track."""
-    states, ticks = record.states, np.arange(len(record) + 1)
+    states, ticks, noted = record.states, np.arange(len(record) + 1), record.document.get("never_entered")
+    if noted is not None and noted != record.never_entered:  # files of earlier versions have no such key
+        yield "never_entered", f"is {noted}, but the people who never entered are {record.never_entered}"
     for k, human in enumerate(record.scene().humans):
         absent = (ticks < human.enters) | (ticks >= (np.inf if human.leaves is None else human.leaves))
         for t in np.flatnonzero(states.present[:, k] & absent)[:1]:
