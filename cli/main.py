@@ -20,7 +20,7 @@ from sonata2d.errors import Sonata2dError
 from .command import SETTINGS, Group, has_flag
 from .interrupts import EXIT_BUG, exit_despite_threads, exit_interrupted, raising_interruptions
 from .options import examples
-from .start import ended_by_ctrl_c
+from .start import ended_by_signals
 
 # section of the overview: name of the command: (module, description)
 _SECTIONS = {
@@ -62,7 +62,7 @@ class Commands(Group):
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Run the program. Tests call `main`, and stay alive."""
         try:
-            with ended_by_ctrl_c():  # until `invoke`
+            with ended_by_signals():  # until `invoke`
                 return super().__call__(*args, **kwargs)
         except BaseException as error:  # SystemExit, or an error of a closed or full stream
             exit_despite_threads(error.code if isinstance(error, SystemExit) else 1)

@@ -425,6 +425,27 @@ def test_a_signal_waits_until_pymunk_has_freed_its_memory(here: Path) -> None:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
+@pytest.mark.parametrize("module", ["sonata2d_cli.main", "click", "sonata2d.core.wording"])
+@pytest.mark.parametrize(("number", "word"), [("SIGINT", "interrupted"), ("SIGTERM", "terminated")])
+def test_a_signal_while_the_program_starts_is_one_line(here: Path, module: str, number: str, word: str) -> None:
+    """The signal comes when a module is looked for."""
+    code = (
+        "import os, signal, sys\n"
+        "class Finder:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        f"        if name == {module!r}:\n"
+        "            sys.meta_path.remove(self)\n"
+        f"            os.kill(os.getpid(), signal.{number})\n"
+        "sys.meta_path.insert(0, Finder())\n"
+        "sys.argv = ['sonata2d', 'describe', 'out']\n"
+        "from sonata2d_cli import main\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=100)
+    assert (done.returncode, done.stderr.split()) == (128 + getattr(signal, number), [word])
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
 @pytest.mark.parametrize(("number", "word"), [("SIGINT", "interrupted"), ("SIGTERM", "terminated")])
 def test_a_signal_waits_for_the_end_of_an_import(here: Path, number: str, word: str) -> None:
     stop = f"os.kill(os.getpid(), signal.{number})\nopen('loaded', 'w').close()"
