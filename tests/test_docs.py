@@ -14,6 +14,8 @@ import pytest
 from click.testing import CliRunner
 from sonata2d_cli import main
 
+from sonata2d.version import __version__
+
 ROOT = Path(__file__).parent.parent
 SOURCES = [path for path in sorted((ROOT / "docs").rglob("*.md")) if (ROOT / "docs" / "api") not in path.parents]
 # pages whose commands wait for a person, or need policies that take long to train: their options are checked; other
@@ -27,6 +29,21 @@ HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
 
 def text_of(page: str) -> str:
     return (ROOT / page).read_text(encoding="utf-8")
+
+
+def test_extras_are_installed_by_one_form_of_command() -> None:
+    """In a clone with `-e`; an image of a container holds an installation of its own."""
+    paths = [ROOT / "CONTRIBUTING.md", ROOT / "README.md"]
+    for pattern in ("docs/**/*.md", "docs/**/*.ipynb", "examples/**/*.md", "examples/**/*.ipynb", "examples/**/*.py"):
+        paths += ROOT.glob(pattern)
+    lines = [line for path in paths for line in path.read_text("utf-8").splitlines()]
+    hints = [line for line in lines if re.search(r"pip install( -e)? ('?(\.|sonata2d)\[|\.( |$|`))", line)]
+    assert len(hints) > 20
+    assert [line for line in hints if "pip install -e" not in line and not line.startswith(("Error: ", "RUN "))] == []
+
+
+def test_the_citation_names_the_version() -> None:
+    assert f"\nversion: {__version__}\n" in text_of("CITATION.cff")
 
 
 @pytest.mark.docs

@@ -1,6 +1,6 @@
 """Runs the whole use case: stages in order, independent ones at the same time.
 
-    pip install '.[learn]'
+    pip install -e '.[learn]'
     python examples/use_case/run.py -o runs
     python examples/use_case/run.py --small -o small    # every stage, with few episodes: minutes instead of hours
 
