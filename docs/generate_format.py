@@ -147,12 +147,23 @@ Every key, by section, with its default. A range is `[min, max]`, `{min: 2, max:
 its values are `min` plus multiples of the step. Lengths in m, angles in rad, times in s. Omitted keys keep their
 defaults: write `tables: 0` for no tables.
 
-Fixed furniture has one of the types below, or any other name and a size of its own. Doorways inside the room are gaps
-between inner `walls`; the `doors`, through which people enter and leave, are in the outline.
+These words have one meaning in all pages, keys and messages:
 
-A person who attends to a piece of furniture stands at its right side (-y at theta 0) and faces it. This is also the
-front in pictures of pieces that are longer (x) than wide (y), such as a laptop, a shelf or a TV; give pieces with a
-front such a size. A seat that is not longer than wide, such as a chair, faces +x. A table and a plant have no front.
+- **Door**: a place in the outline of the room where people enter and leave, an entry of `doors`. The wall is solid
+  there.
+- **Doorway**: a gap in a wall inside the room, which people and robot pass: between inner `walls`, or in the room kind
+  `doorway`, where `room.door` is its width and `room.door_offset` its place.
+- **Relation**: what a person and another one, or an object, do with each other: talking, walking together, using a
+  laptop, looking at an object. `relations` is the number that is drawn at the start; the kind of each is drawn too, and
+  one for which no person or object is free becomes a relation of the next kind. `interactions` in files are the
+  relations at one time.
+- **Access side** of a piece of furniture: the side at which a person stands who attends to it, -y in the axes of the
+  piece, so below it at theta 0. People who come to a disc stand on any side of it.
+- **Front** of a piece of furniture: the side to which it faces in pictures, and a person who sits on it. It is
+  the access side of a piece that is longer (x) than wide (y), such as a laptop, a shelf or a TV, and else +x, as of a
+  chair. A table and a plant have no front.
+
+Fixed furniture has one of the types below, or any other name and a size of its own.
 
 ![Each type of furniture at theta 0 with its axes and where a person attends to it](images/furniture.png)
 

@@ -21,7 +21,7 @@ _DIRECTION_WINDOW = 2.0  # s before and after the nearest moment, over which dir
 _PASSING_WINDOW = 20.0  # s before and after the nearest moment, at which "ahead" and "behind" are compared
 _STILL_DISTANCE = 0.4  # m; a smaller displacement within the direction window counts as standing
 HEAD_ON_ANGLE, SAME_WAY_ANGLE = 3 * np.pi / 4, np.pi / 4  # rad, between the directions of robot and human
-_DOOR_RANGE, _MAX_DOOR_WIDTH = 2.5, 1.3  # m; distance up to which an agent is at a doorway; wider gaps are no doorways
+_DOOR_RANGE, _MAX_DOOR_WIDTH = 2.5, 1.3  # m; distance up to which an agent is at a doorway; wider ones do not count
 _MAX_GROUP_RADIUS = SOCIAL_DISTANCE / 2  # m; a group with a larger radius has broken up
 _JOIN_TOLERANCE = 0.4  # m, by which a robot that has joined a group may be farther from the centre than the members
 

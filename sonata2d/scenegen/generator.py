@@ -173,7 +173,7 @@ def _no_space_message(clusters: list[EntityCluster], k: int, plan: FloorPlan, at
     fewer = "fewer humans" if isinstance(clusters[k].members[0], Human) else "less furniture"
     problem = f"no free spot for {_label(clusters, k)} in a {plan.size_text} room after {attempts} attempts"
     if clusters[k].fixed is not None:
-        return f"{problem}; turn the furniture (theta) so that its front (-y) is free, or set attracts: false"
+        return f"{problem}; turn the furniture (theta) so that its access side (-y) is free, or set attracts: false"
     place = clusters[k].position
     if place is not None:
         x, y = place

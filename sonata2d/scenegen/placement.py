@@ -69,7 +69,7 @@ class Layout:
         for _ in range(self.config.max_attempts):
             x, y = target.position if target else cluster.position or self.plan.sample_point(rng)
             theta = target.theta if target else cluster.yaw.draw(rng)
-            if cluster.distance is not None:  # in front (-y) of fixed furniture, facing it
+            if cluster.distance is not None:  # at the access side (-y) of fixed furniture, facing it
                 local = [Pose(0.0, -cluster.distance.draw(rng), PI / 2)]
                 rows[0, X], rows[0, Y], rows[0, THETA] = local[0].x, local[0].y, local[0].theta
             if not self.plan.has_space_at(x, y, theta, rows, others, gap):

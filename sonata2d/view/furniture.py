@@ -1,6 +1,6 @@
 """Furniture, seen from above: each type as `FurnitureType.draw` draws it, other types as plain blocks.
 
-The front of a piece that is longer (x) than wide (y), such as a laptop, a shelf or a TV, is its right side (-y), where
+The front of a piece that is longer (x) than wide (y), such as a laptop, a shelf or a TV, is its access side (-y), where
 pedestrians stand who attend to it. A chair faces +x.
 """
 

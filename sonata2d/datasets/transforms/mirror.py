@@ -3,7 +3,7 @@
 The mirror axis is the world's x axis, so y becomes -y. Only signs change, therefore no digit is lost. The vertices of
 polygons are reversed to stay counter-clockwise, and the ends of walls are swapped to keep the room on the same side;
 the walls keep their order and indices. Pedestrians, the robot and most objects are symmetric, so theta becomes
--theta. An oblong object has its front on its right side; theta becomes pi - theta to keep it there.
+-theta. An oblong object has its front at -y; theta becomes pi - theta to keep it there.
 """
 
 from __future__ import annotations

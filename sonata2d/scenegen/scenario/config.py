@@ -80,7 +80,7 @@ class ScenarioConfig(Settings):
         talking_distance: m, between the members of a talking pair; `talking_angle`: rad, deviation of the second member
             from facing the first.
         laptop_distance, plant_distance, object_distance: m, from a pedestrian to the object that it attends to; the
-            pedestrian stands at the object's right side (-y) and faces it.
+            pedestrian stands at the object's access side (-y) and faces it.
         pair_spacing: m, between the members of a walking pair, side by side.
         groups, person, robot, goal, rules, social: the sections of these names; label: the section `LabelSpec`.
         clearance: minimum gap between outlines at the start, m.

@@ -58,7 +58,7 @@ class FurnitureConfig(Settings):
         x, y: m, world frame.
         theta: rad, world frame.
         size: m; default: the size of its type.
-        attracts: whether `at_laptop`, `at_plant` or `at_object` may place a pedestrian at its right side (-y), facing
+        attracts: whether `at_laptop`, `at_plant` or `at_object` may place a pedestrian at its access side (-y), facing
             it.
         seat: whether one pedestrian can sit on it, above its centre and facing its front: +x, or -y of a piece that is
             longer (x) than wide (y). Default: if its type is one, such as a chair.

@@ -380,7 +380,7 @@ class SocialDynamics:
                 yield Task("visit", target, thing.pose.position, object_id=thing.id)
 
     def _position_at(self, thing: Furniture, position: Point, clearance: float, radius: float) -> Point:
-        """Where to stand at an object, m: in front of its right side (-y), at a disc on the side of the pedestrian.
+        """Where to stand at an object, m: at its access side (-y), at a disc on the side of the pedestrian.
 
         Args:
             thing: the object; it may lie on another one.
