@@ -164,8 +164,7 @@ def _kernels() -> Finding:
 
     folder = kernel_cache.writable_folder()
     if folder is None:
-        tried = kernel_cache.cache_folder() or "no home folder"
-        return None, f"{compiled.BACKEND}, anew in each process: not writable: {tried}; set NUMBA_CACHE_DIR"
+        return None, f"{compiled.BACKEND}, anew in each process: {kernel_cache.reason_without_folder()}"
     return True, f"{compiled.BACKEND}; machine code in {folder}"
 
 

@@ -27,6 +27,7 @@ import sonata2d
 from sonata2d.core.compiled import kernel as compiled
 from sonata2d.core.compiled.kernel import kernel, subroutine
 from sonata2d.core.files import interruption
+from sonata2d.core.files.ownership import foreign_access
 from sonata2d.errors import KernelError
 
 compiled_only = pytest.mark.skipif(not compiled.IS_COMPILED, reason="kernels are interpreted")
@@ -35,7 +36,7 @@ if compiled.IS_COMPILED:
 
     from sonata2d.core.compiled import cache as kernel_cache, key as kernel_key
 
-    CACHED = kernel_cache.cache_folder, kernel_cache.writable_folder
+    CACHED = kernel_cache._location, kernel_cache._is_writable
 
 PACKAGE = Path(sonata2d.__file__).parent
 ONE_LINE = re.compile(
@@ -493,6 +494,89 @@ def test_kernels_work_without_a_folder(
     assert call(load()) == 84.0
     (message,) = caplog.messages
     assert re.fullmatch("sonata2d is compiled for this processor, in every process; .*", message)
+
+
+HARM = b"cos\nmkdir\n(S'harm'\ntR."  # a pickle that makes a folder
+
+
+def plant(folder: Path) -> None:
+    """Replace the files of kernels, with a digest that is right."""
+    for path in kernels(folder):
+        path.write_bytes(kernel_cache._digest(HARM) + HARM)
+
+
+@compiled_only
+@pytest.mark.skipif(os.name != "posix", reason="needs the modes of POSIX systems")
+@pytest.mark.parametrize("place", ["cache", "cache/sonata2d"])
+@pytest.mark.parametrize("mode", [0o777, 0o775, 0o1777, 0o757])
+def test_files_that_other_users_could_have_written_are_not_loaded(
+    plugin: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, place: str, mode: int
+) -> None:
+    monkeypatch.chdir(plugin.parent)
+    call(load())
+    plant(folder)
+    shared = folder.parent.parent / place
+    shared.chmod(mode)
+    caplog.clear()
+    monkeypatch.setattr(kernel_cache, "_is_announced", False)
+    is_safe = mode == 0o1777 and shared != folder  # a parent with the sticky bit, as /tmp
+    assert call(load()) == 84.0
+    assert Path("harm").exists() == is_safe  # the file was loaded: this is what the check prevents
+    if not is_safe:
+        why = f"other users can write to {shared}; empty it and run chmod go-w {shared}"
+        assert caplog.messages == [
+            "sonata2d is compiled for this processor, in every process; this may take a minute "
+            f"(machine code is not kept: {why}) ..."
+        ]
+
+
+@compiled_only
+@pytest.mark.skipif(os.name != "posix", reason="needs the owners of POSIX systems")
+def test_a_folder_or_a_link_of_another_user_is_not_used(
+    tmp_path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert kernel_cache.writable_folder() == folder
+    assert folder.stat().st_mode & 0o777 == 0o700
+    assert folder.parent.stat().st_mode & 0o777 == 0o700
+    link = tmp_path / "link"
+    link.symlink_to(folder.parent)
+    assert foreign_access(link) is None
+    stranger = os.geteuid() + 1
+    real = Path.lstat
+
+    def lstat(path: Path) -> os.stat_result:
+        found = real(path)
+        return os.stat_result((*found[:4], stranger, *found[5:])) if path == foreign else found
+
+    monkeypatch.setattr(Path, "lstat", lstat)
+    for foreign in (folder, folder.parent, tmp_path, link):
+        reason = f"{foreign} belongs to another user ({stranger}); use a folder of your own"
+        assert foreign_access(link / "sonata2d") == reason
+        if foreign != link:
+            assert kernel_cache.writable_folder() is None
+            assert kernel_cache.reason_without_folder() == reason
+
+
+@compiled_only
+@pytest.mark.skipif(os.name != "posix", reason="needs links, pipes and modes of POSIX systems")
+@pytest.mark.parametrize("kind", ["link", "pipe", "writable by others"])
+def test_a_kernel_is_loaded_from_a_regular_file_of_the_user_only(
+    plugin: Path, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    call(load())
+    plant(folder)
+    (path,) = kernels(folder)
+    if kind == "writable by others":
+        path.chmod(0o666)
+    else:
+        path.rename(tmp_path / "planted")
+        path.symlink_to(tmp_path / "planted") if kind == "link" else os.mkfifo(path)
+    assert call(load()) == 84.0
+    assert not Path("harm").exists()
+    law = load()
+    assert call(law) == 84.0
+    assert was_loaded(law)  # the file was replaced
 
 
 @compiled_only

@@ -5,6 +5,9 @@ old machine code in use, and a data set made with it would be wrong. The name of
 (`compiled.key`), a hash of all that the machine code depends on: the bytecode of the kernel and of its subroutines, the
 values of the constants they use, the types of the arguments, the versions of Python, NumPy and numba, numba's settings,
 and the processor. A file is never out of date: processes, plug-ins and versions of sonata2d share a folder.
+
+A file holds pickled objects and machine code, so that loading it runs what its author wants. Files are therefore read
+only if nobody but the user or root could have written them (`files.ownership`).
 """
 
 from __future__ import annotations
@@ -34,6 +37,7 @@ from numba.core.serialize import dumps
 
 from ...errors import KernelError
 from ..files import interruption
+from ..files.ownership import foreign_access, is_own_file, make_private
 from ..files.whole_file import whole_file
 from ..notebook import notebook_shell
 from .key import NotCacheableError, key_of
@@ -75,8 +79,8 @@ def as_subroutine(function: F) -> F:
 
 
 @cache
-def cache_folder() -> Path | None:
-    """The folder of kernels, in `NUMBA_CACHE_DIR` or the user's cache folder; None without a home folder.
+def _location() -> Path | None:
+    """Path of the folder of kernels, in `NUMBA_CACHE_DIR` or the user's cache folder; None without a home folder.
 
     Not in the package: files that a run leaves there would survive its uninstallation, and the folder that holds them
     would shadow an editable installation as an empty namespace package.
@@ -90,18 +94,40 @@ def cache_folder() -> Path | None:
     return folder if folder.is_absolute() else None  # "~" stays if there is no home folder
 
 
+def cache_folder() -> Path | None:
+    """The folder of kernels, which may be missing; None without one that only the user and root can write to.
+
+    Loading a kernel runs what its file contains. The folder is checked at each use, since programs that clean `/tmp`
+    could have deleted it, and another user could have made it again.
+    """
+    folder = _location()
+    return None if folder is None or foreign_access(folder) else folder
+
+
+def reason_without_folder() -> str:
+    """Reason why `writable_folder` is None, and the remedy."""
+    folder = _location()
+    if folder is None:
+        return "there is no home folder; set NUMBA_CACHE_DIR to a folder of your own"
+    return foreign_access(folder) or f"not writable: {folder}; set NUMBA_CACHE_DIR to a folder of your own"
+
+
 @cache
-def writable_folder() -> Path | None:
-    """The folder of kernels, made if it is missing; None if it cannot be written."""
-    folder = cache_folder()
+def _is_writable(folder: Path) -> bool:
     with suppress(OSError):
-        if folder is not None:
-            folder.mkdir(parents=True, exist_ok=True)
-            probe = folder / f"{uuid.uuid4().hex}.tmp"
-            probe.touch()
-            probe.unlink()
-            return folder
-    return None
+        make_private(folder)
+        probe = folder / f"{uuid.uuid4().hex}.tmp"
+        probe.touch()
+        probe.unlink()
+        return True
+    return False
+
+
+def writable_folder() -> Path | None:
+    """The folder of kernels, made if it is missing; None if it is not safe or cannot be written."""
+    folder = cache_folder()
+    # Checked again after it was made, since another user could have made it in between.
+    return folder if folder and _is_writable(folder) and cache_folder() else None
 
 
 class _KernelFiles:
@@ -212,10 +238,10 @@ def _make_symbols_unique(functions: list[FunctionType], key: str) -> None:
 
 
 def _find(name: str) -> Path | None:
-    """The file of that name, or None if it does not exist."""
+    """The file of that name, or None if it does not exist or others could have written it."""
     folder = cache_folder()
     path = folder and folder / (name + _SUFFIX)
-    return path if path and path.exists() else None
+    return path if path and is_own_file(path) else None
 
 
 def _read(name: str) -> bytes | None:
@@ -239,9 +265,10 @@ def _write(name: str, content: bytes) -> None:
     folder = writable_folder()
     if folder is None:
         return
-    folder.mkdir(parents=True, exist_ok=True)
+    make_private(folder)
     with whole_file(folder / (name + _SUFFIX)) as temporary:
         temporary.write_bytes(_digest(content) + content)
+        temporary.chmod(temporary.stat().st_mode & ~0o022)  # a file in which others may write would not be read
     (folder / STAMP).touch()
     _delete_old_files(folder, name.rpartition("-")[0])
 
@@ -307,8 +334,9 @@ def _announce(is_kept: bool) -> None:
     else:
         is_said = _is_start_announced(folder / STAMP)
     how = "once per version and feature" if is_kept and folder else "in every process"
+    why = "" if folder else f" (machine code is not kept: {reason_without_folder()})"
     if not is_said:
-        _say(f"sonata2d is compiled for this processor, {how}; this may take a minute ...")
+        _say(f"sonata2d is compiled for this processor, {how}; this may take a minute{why} ...")
 
 
 def _say(message: str) -> None:
