@@ -85,7 +85,8 @@ WebDataset. The manifest of the data set lists the shards ([ShardedManifest](#sh
 [JSON Schema](schema/manifest-v2.schema.json)), and `shard-000000.manifest.json` beside each shard is the manifest of
 its episodes: the same as of a folder of files, with the offset of each file in the tar file and the hash of the whole.
 A path such as `demo/shard-000000.tar/000007.json` names an episode for every command and for `read_episode`; a shard
-with its manifest is a data set of its own.
+with its manifest is a data set of its own. Tar files of other programs are read without a manifest if their members are
+regular files at the top level with short names, as `tar --format=ustar` packs them; `check` names others.
 """
 
 

@@ -8,24 +8,34 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import tarfile
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import NamedTuple, Self
+from typing import IO, NamedTuple, Self
 
 import orjson
 
 from ..core.files.locations import content_of, explained, is_remote, put_file, version_of
 from ..core.files.whole_file import sync_folder
+from ..core.wording import shown
 from ..errors import RecordError
 
 SHARD_SUFFIX = ".tar"
 SHARD_MANIFEST_SUFFIX = ".manifest.json"
 _BLOCK = tarfile.BLOCKSIZE
+_WITHOUT_CONTENT = {
+    tarfile.LNKTYPE, tarfile.SYMTYPE, tarfile.CHRTYPE, tarfile.BLKTYPE, tarfile.FIFOTYPE, tarfile.DIRTYPE,
+}  # fmt: skip
+_REGULAR = {tarfile.REGTYPE, tarfile.AREGTYPE, tarfile.CONTTYPE}  # not sparse files, as in `tarfile.REGULAR_TYPES`
+_PAX_KEYS = re.compile(rb"\d (path|linkpath|size|GNU\.sparse[^=]*)=")
+_MAX_PAX_HEADER = 1 << 16  # bytes
+_REPACK = "pack regular files with `tar --format=ustar`"
+_MAX_OFFSET = 1 << 62  # bytes, that a file can have
 _APART = 4  # members are read one by one if the range from first to last has over 4 times their bytes
 _INDEXES = 128  # number of shards whose index stays in memory: 40 MB for shards of 1000 episodes
 
@@ -125,10 +135,24 @@ def members_of(shard: Path) -> list[str]:
     """The names of the members that a tar file holds, in their order; its manifest is not used.
 
     Raises:
+        RecordError: the file cannot be read, or a fault leaves no member, see `contents_of`.
+    """
+    names, faults = contents_of(shard)
+    if faults and not names:
+        raise RecordError(f"{shard} cannot be read: {faults[0]}")
+    return names
+
+
+def contents_of(shard: Path) -> tuple[list[str], list[str]]:
+    """The names of the members of a tar file, and its faults: it is none or is cut, or holds what is not read.
+
+    Raises:
         RecordError: the file cannot be read.
     """
     with explained(shard, "read"):
-        return [name for name, _ in _searched(shard)]
+        entries = list(_entries(shard))
+    faults = [entry for entry in entries if isinstance(entry, str)]
+    return [entry[0] for entry in entries if not isinstance(entry, str)], faults
 
 
 def extents(shard: Path) -> Mapping[str, Extent]:
@@ -161,30 +185,75 @@ def _extents(shard: Path, version: str) -> Mapping[str, Extent]:
             content = content_of(index) if is_remote(index) else index.read_bytes()
             for row in orjson.loads(content)["files"]:
                 listed[row["name"]] = Extent(int(row["offset"]), int(row["bytes"]))
-            if all(extent.offset >= 0 and extent.size >= 0 for extent in listed.values()):
+            if all(0 <= extent.offset < _MAX_OFFSET and extent.size >= 0 for extent in listed.values()):
                 return MappingProxyType(listed)
-        except (KeyError, TypeError, ValueError):  # damaged, as `check` says; the members are still there
+        except (
+            KeyError,
+            OverflowError,
+            TypeError,
+            ValueError,
+        ):  # damaged, as `check` says; the members are still there
             pass
-    return MappingProxyType(dict(_searched(shard)))
+    return MappingProxyType(dict(entry for entry in _entries(shard) if not isinstance(entry, str)))
 
 
-def _searched(shard: Path) -> Iterator[tuple[str, Extent]]:
-    """The whole members of a tar file, which may end abruptly."""
+def _entries(shard: Path) -> Iterator[tuple[str, Extent] | str]:
+    """Names and extents of the whole regular members of a tar file, which may end abruptly, and texts about faults."""
+    names: set[str] = set()
+    is_renamed = False  # the next member, by a header before it
     with shard.open("rb") as file:
-        end = file.seek(0, os.SEEK_END)
-        position = 0
-        while position + _BLOCK <= end:
+        end, position = file.seek(0, os.SEEK_END), 0
+        while True:
             file.seek(position)
+            block = file.read(_BLOCK)
+            if len(block) < _BLOCK or not any(block):
+                yield from _faults_at_end(file, block, position)
+                return
             try:
-                info = tarfile.TarInfo.frombuf(file.read(_BLOCK), "utf-8", "strict")
-            except (tarfile.HeaderError, ValueError):  # the end of the archive, or of what was written
+                info = tarfile.TarInfo.frombuf(block, "utf-8", "strict")
+            except (tarfile.HeaderError, ValueError):
+                yield f"it has no header of a tar file at byte {position}" if position else "it is not a tar file"
                 return
             position += _BLOCK
-            if position + info.size > end:
+            size = 0 if info.type in _WITHOUT_CONTENT else info.size
+            name = info.name.removeprefix("./")
+            if size < 0:  # the next header would lie before this one
+                yield f"{shown(name)} has a negative size, {size}"
                 return
-            if info.isreg():
-                yield info.name.removeprefix("./"), Extent(position, info.size)
-            position += -(-info.size // _BLOCK) * _BLOCK
+            if position + size > end:
+                yield f"it ends within {shown(name)}"
+                return
+            if info.type in _REGULAR:
+                if name in names:
+                    yield f"it holds {shown(name)} twice"
+                if "/" in name:
+                    if ".json" in name:
+                        yield f"{shown(name)} lies in a folder, which is not read; pack the files without their folder"
+                elif not is_renamed:
+                    yield name, Extent(position, size)
+                names.add(name)
+                is_renamed = False
+            elif info.type in (tarfile.XHDTYPE, tarfile.XGLTYPE):  # times and owners, or a name or size
+                is_renamed = size > _MAX_PAX_HEADER or _PAX_KEYS.search(file.read(size)) is not None
+                if is_renamed:
+                    yield f"it holds a member with a name or size in a pax header, which is not read; {_REPACK}"
+            elif info.type == tarfile.GNUTYPE_LONGNAME:
+                is_renamed = True
+                yield f"it holds a member with a long name of GNU tar, which is not read; {_REPACK}"
+            elif not info.isdir():
+                kind = "link" if info.issym() or info.islnk() else f"member of type {info.type.decode('latin-1')!r}"
+                yield f"{shown(name)} is a {kind}, which is not read; {_REPACK}"
+            position += -(-size // _BLOCK) * _BLOCK
+
+
+def _faults_at_end(file: IO[bytes], block: bytes, position: int) -> Iterator[str]:
+    """Faults of what follows the last member: two blocks of zeros, and any number of zeros after them."""
+    if not position and not block:
+        yield "it is empty"
+    elif len(block) < _BLOCK or len(second := file.read(_BLOCK)) < _BLOCK:
+        yield "it has no end mark, two blocks of zeros: it was cut" if position else "it is not a tar file"
+    elif any(second) or any(any(piece) for piece in iter(partial(file.read, 1 << 16), b"")):
+        yield "data follow its end mark, which are not read; `tar --concatenate` joins tar files"
 
 
 class ShardWriter:

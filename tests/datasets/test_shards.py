@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import json
 import os
@@ -230,6 +231,100 @@ def test_a_tar_file_without_manifest_is_searched(sharded: Path, tmp_path: Path) 
     assert [record.episode for record in s2.Dataset(copy)] == list(range(10, 20))
     copy.write_bytes(copy.read_bytes()[:30_000])  # as a copy that was interrupted
     assert 1 <= len(s2.Dataset(copy)) < 10
+
+
+EPISODE = "000000.json"
+
+
+def tar_of(*entries: tarfile.TarInfo | str, data: bytes = b"", form: int = tarfile.USTAR_FORMAT) -> bytes:
+    """A tar file of members with the same data, and of headers as they are given."""
+    file = io.BytesIO()
+    with tarfile.open(fileobj=file, mode="w", format=form) as archive:
+        for entry in entries:
+            info = tarfile.TarInfo(entry) if isinstance(entry, str) else entry
+            info.size = len(data) if info.isreg() else 0
+            archive.addfile(info, io.BytesIO(data))
+    return file.getvalue()
+
+
+def without_end(data: bytes) -> bytes:
+    """A tar file of one member without the blocks of zeros at the end."""
+    return tar_of(EPISODE, data=data)[: 512 + 512 * -(-len(data) // 512)]
+
+
+def with_size(size: int) -> bytes:
+    """A tar file whose member declares a size, as the signed number of 12 bytes that GNU tar writes."""
+    header = bytearray(tarfile.TarInfo(EPISODE).tobuf(tarfile.USTAR_FORMAT))
+    header[124:136] = size.to_bytes(12, signed=True) if size < 0 else b"\x80" + size.to_bytes(11)
+    header[148:156] = b" " * 8
+    header[148:156] = b"%06o\0 " % sum(header)
+    return bytes(header) + bytes(1024)
+
+
+def of_type(kind: bytes, name: str = "000001.json") -> tarfile.TarInfo:
+    info = tarfile.TarInfo(name)
+    info.type, info.linkname = kind, EPISODE
+    return info
+
+
+END = "it has no end mark, two blocks of zeros: it was cut"
+FOREIGN_NAME = "it holds a member with a name or size in a pax header, which is not read; pack"
+
+
+@pytest.mark.parametrize(
+    ("make", "expected"),
+    [
+        (lambda data: b"", "it is empty"),
+        (lambda data: data, "it is not a tar file"),
+        (lambda data: bytes(512), "it is not a tar file"),
+        (lambda data: gzip.compress(tar_of(EPISODE, data=data)), "it is not a tar file"),
+        (lambda data: tar_of(EPISODE, data=data)[:600], f"it ends within '{EPISODE}'"),
+        (lambda data: tar_of(EPISODE, "000001.json", data=data)[: len(data) + 1600], "it ends within '000001.json'"),
+        (lambda data: without_end(data), END),
+        (lambda data: without_end(data) + bytes(512), END),
+        (lambda data: tar_of(EPISODE, data=data) * 2, "data follow its end mark"),
+        (lambda data: without_end(data) + data, "it has no header of a tar file at byte "),
+        (lambda data: with_size(-512), f"'{EPISODE}' has a negative size, -512"),
+        (lambda data: without_end(data) + with_size(-1024), f"'{EPISODE}' has a negative size, -1024"),
+        (lambda data: with_size(1 << 80), f"it ends within '{EPISODE}'"),
+        (lambda data: tar_of(EPISODE, of_type(tarfile.SYMTYPE), data=data), "'000001.json' is a link"),
+        (lambda data: tar_of(EPISODE, of_type(tarfile.LNKTYPE), data=data), "'000001.json' is a link"),
+        (lambda data: tar_of(EPISODE, of_type(tarfile.FIFOTYPE), data=data), "'000001.json' is a member of type '6'"),
+        (lambda data: tar_of(of_type(tarfile.GNUTYPE_SPARSE), data=data), "'000001.json' is a member of type 'S'"),
+        (lambda data: tar_of(EPISODE, EPISODE, data=data), f"it holds '{EPISODE}' twice"),
+        (lambda data: tar_of(f"demo/{EPISODE}", data=data), f"'demo/{EPISODE}' lies in a folder"),
+        (lambda data: tar_of("a" * 120 + ".json", data=data, form=tarfile.GNU_FORMAT), "a long name of GNU tar"),
+        (lambda data: tar_of("é" * 60 + ".json", data=data, form=tarfile.PAX_FORMAT), FOREIGN_NAME),
+    ],
+)  # fmt: skip
+def test_check_names_what_hides_members_of_a_tar_file(sharded: Path, tmp_path: Path, make: Any, expected: str) -> None:
+    data = members(sharded)["000003.json"]
+    path = tmp_path / "own.tar"
+    path.write_bytes(make(data))
+    result = CliRunner().invoke(main, ["check", str(path)], prog_name="sonata2d")
+    assert result.exit_code == 1
+    assert expected in result.output.replace("\n", " ")
+    beside = (sharded / "shard-000000.manifest.json").read_bytes()
+    path.with_name("own.manifest.json").write_bytes(beside)  # of another file
+    faults = [problem.message for problem in verify(path) if problem.place == "tar"]
+    assert any(expected in fault for fault in faults), faults
+
+
+def test_a_tar_file_without_episodes_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "own.tar").write_bytes(tar_of("README.md"))
+    for use in (verify, s2.Dataset):
+        with pytest.raises(RecordError, match=r"own\.tar holds no episode files"):
+            use(tmp_path / "own.tar")
+
+
+def test_headers_of_times_and_folders_in_a_tar_file_are_passed_over(sharded: Path, tmp_path: Path) -> None:
+    (tmp_path / EPISODE).write_bytes(members(sharded)[EPISODE])
+    with tarfile.open(tmp_path / "own.tar", "w", format=tarfile.PAX_FORMAT) as archive:  # with fractions of a second
+        archive.add(tmp_path / EPISODE, EPISODE)
+        archive.addfile(of_type(tarfile.DIRTYPE, "folder"))
+    assert (tmp_path / "own.tar").read_bytes()[156:157] == tarfile.XHDTYPE
+    assert verify(tmp_path / "own.tar") == []
+    assert len(s2.Dataset(tmp_path / "own.tar")) == 1
 
 
 def test_check_finds_nothing_in_whole_shards(sharded: Path) -> None:

@@ -48,7 +48,7 @@ def mutated(rng: Random, name: str, data: bytes, others: list[bytes]) -> bytes:
             data = rng.choice(others)
         elif kind < 0.55 and (structured := _structured(rng, name, data)) is not None:
             data = structured
-        elif kind < 0.7 and not name.endswith((".npz", ".parquet", ".gz", ".zst")):
+        elif kind < 0.7 and not name.endswith((".npz", ".parquet", ".tar", ".gz", ".zst")):
             data = _text(rng, data)
         else:
             data = rng.choice(BYTES)(rng, data)
@@ -62,6 +62,8 @@ def _structured(rng: Random, name: str, data: bytes) -> bytes | None:
             return _npz(rng, data)
         if name.endswith(".parquet"):
             return _parquet(rng, data)
+        if name.endswith(".tar"):
+            return _tar(rng, data)
         if name.endswith((".jsonl", ".ndjson")):
             return b"\n".join(dumped(line) for line in _values(rng, [json.loads(line) for line in data.splitlines()]))
         if name.endswith(".gz"):
@@ -161,6 +163,33 @@ def _npz(rng: Random, data: bytes) -> bytes:
     out = io.BytesIO()
     np.savez_compressed(out, allow_pickle=True, **arrays)
     return out.getvalue()
+
+
+def _tar(rng: Random, data: bytes) -> bytes:
+    """Change a field of a header, with the right checksum; or cut, drop or repeat blocks."""
+    blocks = [data[k : k + 512] for k in range(0, len(data), 512)]
+    headers = [k for k, block in enumerate(blocks) if block[257:262] == b"ustar"]
+    k = rng.choice(headers)
+    header = bytearray(blocks[k])
+    match rng.randrange(6):
+        case 0 | 1 | 2:  # a size: octal digits, or a signed number of 11 bytes after 0xff or 0x80
+            size = rng.choice((0, 1, 511, 512, -1, -512, -1024, -(2**40), 2**40, 2**63, 2**80))
+            signed = bytes([0xFF if size < 0 else 0x80]) + size.to_bytes(11, signed=True)
+            header[124:136] = b"%011o\0" % size if 0 <= size < 2**33 and rng.random() < 0.5 else signed
+        case 3:
+            header[156] = rng.choice(b"\001234567gxLKSX?")
+        case 4:
+            header[:100] = rng.choice((b"../x.json", b"/x.json", b"a/b.json", b"\xff.json", b"", b"a\nb.json")).ljust(
+                100, b"\0"
+            )
+        case _:
+            at, count = rng.randrange(len(blocks)), rng.choice((0, 1, 2, 100))
+            blocks[at : at + 1] = [blocks[at]] * count
+            return b"".join(blocks)
+    header[148:156] = b" " * 8
+    header[148:156] = b"%06o\0 " % sum(header)
+    blocks[k] = bytes(header)
+    return b"".join(blocks)
 
 
 def _parquet(rng: Random, data: bytes) -> bytes:

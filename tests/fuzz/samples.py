@@ -71,6 +71,9 @@ def make_samples(folder: Path) -> None:
     generate_dataset(data, config, "social-planner", episodes=3, seed=3, workers=1)
     write_card(data)
     generate_dataset(folder / "dataset" / "other", config, "straight-to-goal", episodes=2, seed=4, workers=1)
+    generate_dataset(folder / "shard" / "set", config, "straight-to-goal", episodes=3, seed=4, shard_size=2, workers=1)
+    (folder / "tar").mkdir()
+    shutil.copy(folder / "shard" / "set" / "shard-000000.tar", folder / "tar" / "bare.tar")
     rate(data, rng)
     (data / "metrics.json").write_text(json.dumps({"metrics": [], "episodes": {}}))
     first = data / "000000.json"

@@ -202,6 +202,21 @@ KINDS: dict[str, Kind] = {
         ("set/croissant.json", "set/metrics.json", "set/run.jsonl", "set/README.md", "set/ratings/*"),
         DATASET, "dataset",
     ),
+    "shard": Kind(
+        ("set/shard-*.tar", "set/shard-*.manifest.json"),
+        commands(
+            "check D --workers 1", "check F --workers 1", "describe D", "evaluate D --no-rerun --workers 1 --resamples 100",
+            "export D --to csv -o out", "split D", "mirror D -o mirrored --workers 1",
+            "generate D --resume --scenario S --episodes 3 --seed 4 --shard-size 2 --workers 1 --no-picture "
+            "--controller straight-to-goal",
+        ),
+    ),
+    "tar": Kind(
+        ("*",),
+        commands(
+            "check F --workers 1", "evaluate F --no-rerun --workers 1 --resamples 100", "export F --to csv -o out",
+        ),
+    ),
     "scenario": Kind(
         ("*",), (*[few_ticks] * 3, *commands("scenarios show F", "scenarios draw F --scenes 1 -o x.png"))
     ),

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from ...errors import RecordError
 from ...record.files import file_stem, sha256_of
 from ...record.layout import JsonDict
-from ...record.shard_file import is_shard, members_of, shard_manifest_path
+from ...record.shard_file import contents_of, is_shard, shard_manifest_path
 from ..manifest.models import Manifest, ManifestFile, Shard, ShardedManifest, Source
 from ..manifest.names import MANIFEST
 from ..manifest.rows import Lazy, ShardRows, read_manifest, read_shard, stored_form
@@ -72,9 +72,14 @@ def check_shard(shard: ListedFile) -> list[Problem]:
         for key, value in shard.shared.items()
         if manifest.get(key) != value
     ]
-    unlisted = sorted(set(members_of(path)) - {row["name"] for row in rows})
+    unlisted = sorted(set(contents_of(path)[0]) - {row["name"] for row in rows})
     findings = [("files", f"{name} is in the shard but not listed") for name in unlisted]
-    return problems + _problems_of(beside, manifest, [*_content_findings(manifest), *findings])
+    return problems + check_tar(path) + _problems_of(beside, manifest, [*_content_findings(manifest), *findings])
+
+
+def check_tar(path: Path) -> list[Problem]:
+    """Faults of a tar file, see `contents_of`; none of another path."""
+    return [Problem(path.name, "tar", fault) for fault in contents_of(path)[1]] if is_shard(path) else []
 
 
 def _problems_of(path: Path, manifest: JsonDict, findings: Sequence[Finding]) -> list[Problem]:

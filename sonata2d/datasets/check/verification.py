@@ -24,7 +24,7 @@ from ..manifest.rows import files_of, read_manifest
 from ..workers.executors import Workers, parallel_map, shared_workers
 from ..workers.processes import end_if_unguarded
 from .episodes import ListedFile, Problem, check_record, open_to_check
-from .manifests import check_manifest, check_shard, files_in, listed_shards
+from .manifests import check_manifest, check_shard, check_tar, files_in, listed_shards
 from .replay import check_replay, check_rerun
 
 logger = logging.getLogger(__name__)
@@ -59,7 +59,7 @@ def verify(
     shared = shared_workers(workers)
     path = location(path)
     stored = read_manifest(path) if has_manifest(path) else None
-    problems = [] if stored is None else check_manifest(path, stored)
+    problems = check_tar(path) if stored is None else check_manifest(path, stored)
     verify_file = partial(_verify_file, replay=replay, rerun=rerun, controller=controller)
     with shared as pool:
         place = pool.place(path)

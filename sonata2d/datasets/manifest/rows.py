@@ -284,7 +284,10 @@ def files_of(path: Path) -> Sequence[Path]:
     if has_manifest(path):
         return files_in_manifest(path, read_manifest(path))
     if is_shard(path):
-        return [path / name for name in members_of(path) if name.endswith(SUFFIXES)]
+        names = [name for name in members_of(path) if name.endswith(SUFFIXES) and name not in _NOT_EPISODES]
+        if not names:
+            raise RecordError(f"{path} holds no episode files")
+        return [path / name for name in names]
     if path.is_file() or is_member(path):
         return [path]
     names = [name for name in sorted(file_names(path)) if not name.endswith(SHARD_MANIFEST_SUFFIX)]
