@@ -17,13 +17,15 @@ from ..learning.fixed_point import LARGEST_VALUE, LARGEST_WEIGHT
 from .description import describe, environment_of
 from .env import Env, base_of
 from .mlp import Mlp, write_mlp
-from .policy import METADATA_KEY, Model, TorchPolicy, is_torch_module, normalisation_of
+from .policy import METADATA_KEY, Model, Normalisation, TorchPolicy, is_torch_module, normalisation_of
 
 _Layers = tuple[list[Any], dict[str, Any]]
 _EPISODES, _STEPS, _TOLERANCE = 4, 50, 0.02  # of the comparison of a file with its model
 
 
-def save_policy(path: str | Path, model: Any, env: Env, *, normalisation: Any = None, note: str = "") -> None:
+def save_policy(
+    path: str | Path, model: Any, env: Env, *, normalisation: Any = None, note: str = "", trust: bool = False
+) -> None:
     """Write a policy as a file that is a controller by itself.
 
     `sonata2d evaluate --controller ./policy.npz` and `PolicyController("policy.npz")` drive with it.
@@ -35,13 +37,13 @@ def save_policy(path: str | Path, model: Any, env: Env, *, normalisation: Any = 
             .npz a `torch.nn.Sequential` of linear layers with tanh or ReLU between them, whose last layer may be
             followed by tanh.
         env: in which it was trained, with its wrappers.
-        normalisation: of the observations: the `VecNormalize` of the training, or the path of the file to which it was
-            saved; False: none. None: the `VecNormalize` of the model's environment, if any; a model that was loaded
-            from a file has none, and a warning says so. For a PyTorch module: mean and standard deviation, (n,) each.
+        normalisation: of the observations, as of `PolicyController`.
         note: how the policy was trained, for human readers.
+        trust: whether to load a pickled normalisation (.pkl), which runs the code in the file: only if its origin is
+            trusted.
 
     Raises:
-        ControllerError: the file of the normalisation cannot be read.
+        ControllerError: the file of the normalisation cannot be read, or is pickled and not trusted.
         ValueError: the path has another suffix, the environment has other spaces than the model, such a file cannot
             hold the policy, or a .npz file would act otherwise than the model in some episodes of the environment.
         TypeError: it is neither a model of Stable-Baselines3 nor a PyTorch module, or a wrapper of observations or
@@ -67,7 +69,7 @@ def save_policy(path: str | Path, model: Any, env: Env, *, normalisation: Any = 
                 )
         if path.suffix not in (".npz", ".onnx"):
             raise ValueError(f"the name of a policy ends in .npz or .onnx, got {path}")
-        normalisation = normalisation_of(model, normalisation)
+        normalisation = normalisation_of(model, normalisation, trust=trust)
     if not all(parameter.isfinite().all() for parameter in (model if is_module else model.policy).parameters()):
         raise ValueError("a weight of the policy is not finite: the training has diverged")
     if path.suffix == ".onnx":
@@ -98,8 +100,8 @@ def _layers_of_module(module: Any, policy: TorchPolicy, width: int, *, is_discre
     if modules and isinstance(modules[-1], nn.Tanh) and not is_discrete:
         output = "tanh"
         modules.pop()
-    mean, scale = np.broadcast_to(policy.mean, width), np.broadcast_to(1.0 / policy.deviation, width)
-    return modules, {"output": output, "mean": mean, "scale": scale}
+    mean, scale, limit = _normalisation(policy.normalisation, (width,))
+    return modules, {"output": output, "mean": mean, "scale": scale, "limit": min(limit, LARGEST_VALUE)}
 
 
 def _sequence(module: Any) -> list[Any]:
@@ -161,7 +163,7 @@ def _layers_of_model(model: Any, normalisation: Any, *, is_discrete: bool) -> _L
         raise ValueError(f"a .npz file holds no {type(extractor).__name__}; write .onnx")
     modules = [module for layer in layers for module in _sequence(layer)]
     mean, scale, limit = _normalisation(normalisation, model.observation_space.shape)
-    settings = {"output": output, "mean": mean.ravel(), "scale": scale.ravel(), "limit": limit}
+    settings = {"output": output, "mean": mean.ravel(), "scale": scale.ravel(), "limit": min(limit, LARGEST_VALUE)}
     if isinstance(modules[-1], nn.Hardtanh):  # of SAC with noise that depends on the state
         settings["output_limit"] = float(modules.pop().max_val)
     return modules, settings
@@ -198,6 +200,9 @@ def _normalisation(normalisation: Any, shape: tuple[int, ...]) -> tuple[Array, A
     """Mean, scale and limit of the inputs."""
     if normalisation is None:
         return np.zeros(shape), np.ones(shape), LARGEST_VALUE
+    if isinstance(normalisation, Normalisation):
+        scale = 1.0 / normalisation.deviation
+        return normalisation.mean.reshape(shape), scale.reshape(shape), normalisation.clip
     mean, variance = normalisation.obs_rms.mean, normalisation.obs_rms.var
     return np.asarray(mean, dtype=float), 1.0 / np.sqrt(variance + normalisation.epsilon), float(normalisation.clip_obs)
 

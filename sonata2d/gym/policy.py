@@ -16,11 +16,14 @@ import gymnasium
 import numpy as np
 
 from ..agents.controllers.learned import LearnedController
+from ..core.files.archives import read_npz
+from ..core.files.limits import MAX_WEIGHTS_BYTES
 from ..core.geometry import Twist
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..core.wording import described, one_line, shown
-from ..errors import ControllerError
+from ..errors import ControllerError, RecordError
+from ..record.files import read_bytes
 from .description import describe, environment_of, parts_read, require_parts
 from .env import Env
 from .mlp import Mlp, read_mlp
@@ -35,20 +38,24 @@ class PolicyController(LearnedController):
     """Drives with a policy that was trained in the environment.
 
     Args:
-        policy: a file of `save_policy` (.npz or .onnx), a file of Stable-Baselines3 (.zip), an object with a
-            method `predict` such as a model of Stable-Baselines3, a PyTorch module, which is put into evaluation mode,
-            or a function of an observation that returns an action.
+        policy: a file of `save_policy` (.npz or .onnx), a file of Stable-Baselines3 (.zip, needs `trust`), an object
+            with a method `predict` such as a model of Stable-Baselines3, a PyTorch module, which is put into evaluation
+            mode, or a function of an observation that returns an action.
         env: in which it was trained, with its wrappers; may be left out for a file of `save_policy`, which contains
             the description. If it has wrappers of observations or actions of other packages, it must not be stepped
             while this controller drives.
-        normalisation: of the observations of a model: the `VecNormalize` of the training, or the path of the file to
-            which it was saved; False: none. None: the `VecNormalize` of the model's environment, if any; a model that
-            was loaded from a file has none, and a warning says so. A file of `save_policy` contains it. For a PyTorch
-            module: mean and standard deviation of the observations.
+        normalisation: of the observations of a model or a PyTorch module: mean and standard deviation of the numbers of
+            the observation, or the path of an .npz file with the arrays `mean`, `deviation` and, optionally, `clip`,
+            the limit of the normalised numbers; False: none. Of a model also the `VecNormalize` of the training, or the
+            path of the file to which it was saved (.pkl, needs `trust`). None: the `VecNormalize` of the model's
+            environment, if any; a model that was loaded from a file has none, and a warning says so. A file of
+            `save_policy` contains it.
+        trust: whether to load pickled files, .zip and .pkl, which run the code in them: only for files whose origin is
+            trusted. Files in .npz and .onnx are data.
 
     Raises:
-        ControllerError: a file cannot be read, or the policy was trained with other observations or actions, or with
-            other versions of the parts of the observation.
+        ControllerError: a file cannot be read, or is pickled and not trusted, or the policy was trained with other
+            observations or actions, or with other versions of the parts of the observation.
         TypeError: the environment is missing, or not one of sonata2d, or a normalisation is given for a policy that is
             not a model.
 
@@ -62,13 +69,13 @@ class PolicyController(LearnedController):
 
     version = "1"
 
-    def __init__(self, policy: Any, env: Env | None = None, *, normalisation: Any = None) -> None:
+    def __init__(self, policy: Any, env: Env | None = None, *, normalisation: Any = None, trust: bool = False) -> None:
         self._path = self._sha256 = None
         self.deterministic = False
         description: Mapping[str, Any] | None = None
         if isinstance(policy, (str, Path)):
             self._path, path = str(policy), Path(policy).absolute()
-            policy, description = _load(path)
+            policy, description = _load(path, trust=trust)
             self._sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
             self.deterministic = path.suffix == ".npz"  # other files run in libraries whose rounding may differ
         try:
@@ -85,7 +92,7 @@ class PolicyController(LearnedController):
             raise ControllerError(f"{self._path} cannot be used: {error}") from error
         self._pipeline, self._parts_read, self._has_warned = Pipeline(env), parts_read(env), False
         is_discrete = isinstance(env.action_space, gymnasium.spaces.Discrete)
-        self._predict = _predict_of(policy, normalisation, is_discrete=is_discrete)
+        self._predict = _predict_of(policy, normalisation, is_discrete=is_discrete, trust=trust)
         self._require_spaces(env)
 
     def settings(self) -> dict[str, Any]:
@@ -158,6 +165,49 @@ class PolicyController(LearnedController):
                 )  # fmt: skip
 
 
+class Normalisation:
+    """Normalisation of observations by numbers: (observation - mean) / deviation, within ±`clip`.
+
+    Args:
+        mean, deviation: (n,) each, the mean and standard deviation of the numbers of the observation.
+        clip: limit of the normalised numbers.
+
+    Raises:
+        TypeError: they are no numbers.
+        ValueError: the arrays differ in length, a number is not finite, or a deviation or the limit is not above 0.
+    """
+
+    def __init__(self, mean: Any, deviation: Any, clip: Any = np.inf) -> None:
+        self.mean, self.deviation = (np.asarray(part, dtype=np.float64).ravel() for part in (mean, deviation))
+        self.clip = float(clip)
+        if self.mean.shape != self.deviation.shape or not (self.deviation > 0.0).all():
+            raise ValueError(
+                "mean and deviation of the normalisation have one number for each number of the observation, and "
+                f"deviations are above 0; got shapes {self.mean.shape} and {self.deviation.shape}, deviations from "
+                f"{self.deviation.min(initial=np.inf):g}"
+            )
+        if not (np.isfinite(self.mean).all() and np.isfinite(self.deviation).all() and self.clip > 0.0):
+            raise ValueError(
+                f"the numbers of the normalisation are finite and its limit is above 0, got the limit {clip}"
+            )
+
+    def normalize_obs(self, observation: Any) -> Any:
+        """The observation of one array, normalised, in its own precision if that is double, else in single precision.
+
+        Raises:
+            ControllerError: it has other numbers.
+        """
+        if isinstance(observation, Mapping) or np.size(observation) != len(self.mean):
+            found = "several arrays" if isinstance(observation, Mapping) else np.size(observation)
+            raise ControllerError(
+                f"the normalisation has {len(self.mean)} numbers, the observation {found}; give the normalisation of "
+                "the training"
+            )
+        array = np.asarray(observation)
+        values = np.clip((array.ravel() - self.mean) / self.deviation, -self.clip, self.clip)
+        return values.reshape(array.shape).astype(np.float64 if array.dtype == np.float64 else np.float32)
+
+
 class Model:
     """The actions of a model; a recurrent model keeps its state from one action to the next.
 
@@ -192,12 +242,14 @@ class TorchPolicy:
     Args:
         module: reads observations in one array, (1, n), and returns actions, (1, m), or of a discrete space a number
             for each action.
-        normalisation: mean and standard deviation of the observations, (n,) each; None or False: none.
+        normalisation: mean and standard deviation of the observations, (n,) each, or an .npz file, see
+            `PolicyController`; None or False: none.
         is_discrete: whether actions are the index of the largest number.
 
     Raises:
+        ControllerError: the file cannot be read.
         TypeError: the normalisation is something else.
-        ValueError: its arrays have different lengths, or a deviation is not positive.
+        ValueError: as of `Normalisation`.
     """
 
     def __init__(self, module: Any, normalisation: Any, *, is_discrete: bool) -> None:
@@ -206,20 +258,15 @@ class TorchPolicy:
         self.module, self._is_discrete = module.eval(), is_discrete  # without dropout
         first = next(module.parameters(), torch.zeros(1))
         self._kind: dict[str, Any] = {"device": first.device, "dtype": first.dtype}
-        self.mean: Any = 0.0
-        self.deviation: Any = 1.0
-        if normalisation is not None and normalisation is not False:
+        self.normalisation: Normalisation | None = None
+        if isinstance(normalisation, (str, Path)):
+            self.normalisation = _read_numbers(Path(normalisation))
+        elif normalisation is not None and normalisation is not False:
             if not (isinstance(normalisation, tuple | list) and len(normalisation) == 2):
                 raise TypeError(
                     f"the normalisation of a PyTorch module is (mean, deviation), got {shown(normalisation)}"
                 )
-            self.mean, self.deviation = (np.asarray(part, dtype=np.float64).ravel() for part in normalisation)
-            if self.mean.shape != self.deviation.shape or not (self.deviation > 0.0).all():
-                raise ValueError(
-                    "mean and deviation of the normalisation have one number for each number of the observation, and "
-                    f"deviations are above 0; got shapes {self.mean.shape} and {self.deviation.shape}, deviations from "
-                    f"{self.deviation.min(initial=np.inf):g}"
-                )
+            self.normalisation = Normalisation(*normalisation)
 
     def begin(self) -> None:
         """Begin an episode; a module has no state."""
@@ -230,15 +277,10 @@ class TorchPolicy:
         if isinstance(observation, Mapping):
             raise ControllerError("a PyTorch module reads observations in one array; wrap the environment in Flat")
         flat = np.asarray(observation, dtype=np.float64).ravel()
-        if np.ndim(self.mean) and len(self.mean) != len(flat):
-            raise ControllerError(
-                f"the normalisation has {len(self.mean)} numbers, the observation {len(flat)}; give the normalisation "
-                "of the training"
-            )
+        if self.normalisation is not None:
+            flat = self.normalisation.normalize_obs(flat)
         with torch.no_grad():
-            output = (
-                self.module(torch.as_tensor((flat - self.mean) / self.deviation, **self._kind)[None])[0].cpu().numpy()
-            )
+            output = self.module(torch.as_tensor(flat, **self._kind)[None])[0].cpu().numpy()
         return int(output.argmax()) if self._is_discrete else np.clip(output, -1.0, 1.0)
 
 
@@ -247,12 +289,12 @@ def is_torch_module(policy: Any) -> bool:
     return hasattr(policy, "state_dict") and hasattr(policy, "forward") and not hasattr(policy, "predict")
 
 
-def _predict_of(policy: Any, normalisation: Any, *, is_discrete: bool) -> Predict:
+def _predict_of(policy: Any, normalisation: Any, *, is_discrete: bool, trust: bool) -> Predict:
     """A function from an observation to an action."""
     if is_torch_module(policy):
         return TorchPolicy(policy, normalisation, is_discrete=is_discrete)
     if hasattr(policy, "predict"):
-        return Model(policy, normalisation_of(policy, normalisation))
+        return Model(policy, normalisation_of(policy, normalisation, trust=trust))
     if normalisation is not None and normalisation is not False:
         raise TypeError(
             "a normalisation belongs to a model; a file of save_policy contains it, and a function calls "
@@ -266,21 +308,21 @@ def _predict_of(policy: Any, normalisation: Any, *, is_discrete: bool) -> Predic
     return function
 
 
-def normalisation_of(model: Any, normalisation: Any) -> Any:
+def normalisation_of(model: Any, normalisation: Any, *, trust: bool) -> Any:
     """The normalisation of the observations of a model.
 
     Args:
         model: has the method `predict`.
-        normalisation: the `VecNormalize` of the training, or the path of the file to which it was saved; False: none.
-            None: the `VecNormalize` of the model's environment, if any; a model that was loaded from a file has none,
-            and a warning says so.
+        normalisation: as of `PolicyController`.
+        trust: whether to load a pickled file.
 
     Returns:
-        A `VecNormalize`, or None.
+        A `VecNormalize`, a `Normalisation` or None.
 
     Raises:
         ControllerError: the file cannot be read, or the normalisation has another shape than the observations.
-        TypeError: it is not a `VecNormalize`.
+        TypeError: it is something else.
+        ValueError: as of `Normalisation`.
     """
     if normalisation is None and hasattr(model, "get_vec_normalize_env"):
         normalisation = model.get_vec_normalize_env()
@@ -289,17 +331,27 @@ def normalisation_of(model: Any, normalisation: Any) -> Any:
                 "the model has no environment, so it does not say whether its observations were normalised in the "
                 "training; give its normalisation, or normalisation=False if there was none"
             )
-    if isinstance(normalisation, (str, Path)):
-        normalisation = _load_normalisation(Path(normalisation))
     if normalisation is None or normalisation is False:
         return None
+    if isinstance(normalisation, (str, Path)):
+        path = Path(normalisation)
+        normalisation = _read_numbers(path) if path.suffix == ".npz" else _load_normalisation(path, trust=trust)
+    trained = getattr(model, "observation_space", None)
+    if isinstance(normalisation, tuple | list) and len(normalisation) == 2:
+        normalisation = Normalisation(*normalisation)
+    if isinstance(normalisation, Normalisation):
+        if trained is not None:
+            # raises an error for other numbers
+            normalisation.normalize_obs({} if trained.shape is None else np.zeros(trained.shape))
+        return normalisation
     if not (hasattr(normalisation, "norm_obs") and hasattr(normalisation, "normalize_obs")):
         raise TypeError(
-            f"normalisation must be a VecNormalize of Stable-Baselines3, or its file, got {normalisation!r}"
+            "normalisation must be a VecNormalize of Stable-Baselines3 or its file, (mean, deviation) or an .npz file "
+            f"of them, got {shown(normalisation)}"
         )
     if not normalisation.norm_obs:
         return None
-    normalised, trained = normalisation.observation_space, getattr(model, "observation_space", None)
+    normalised = normalisation.observation_space
     if trained is not None and shape_of(normalised) != shape_of(trained):
         raise ControllerError(
             f"the normalisation is for observations of {one_line(shape_of(normalised), 100)}, the policy was trained "
@@ -308,7 +360,7 @@ def normalisation_of(model: Any, normalisation: Any) -> Any:
     return normalisation
 
 
-def _load(path: Path) -> tuple[Any, Mapping[str, Any] | None]:
+def _load(path: Path, *, trust: bool) -> tuple[Any, Mapping[str, Any] | None]:
     """The policy of a file, and the description of its environment if the file has one."""
     if not path.is_file():
         raise ControllerError(f"there is no file {path}")
@@ -318,12 +370,39 @@ def _load(path: Path) -> tuple[Any, Mapping[str, Any] | None]:
     if path.suffix == ".onnx":
         return _load_onnx(path)
     if path.suffix == ".zip":
+        _require_trust(path, "write the policy with sonata2d.gym.save_policy as .npz or .onnx", trust=trust)
         return _load_model(path), None
     raise ControllerError(f"{path.name} is not a policy; the files are .npz, .onnx, and .zip of Stable-Baselines3")
 
 
-def _load_normalisation(path: Path) -> Any:
-    """A `VecNormalize` of Stable-Baselines3 from its file, which must come from a trusted source."""
+def _require_trust(path: Path, remedy: str, *, trust: bool) -> None:
+    """Refuse a file whose loading runs code, unless its origin is trusted.
+
+    Raises:
+        ControllerError: it is not.
+    """
+    if not trust:
+        raise ControllerError(
+            f"{path} is a pickled file, and loading it runs the code in it; {remedy}, or give trust=True if you trust "
+            "its origin"
+        )
+
+
+def _read_numbers(path: Path) -> Normalisation:
+    """A normalisation from an .npz file; nothing in it is executed."""
+    try:
+        arrays = read_npz(read_bytes(path, max_bytes=MAX_WEIGHTS_BYTES), MAX_WEIGHTS_BYTES)
+        return Normalisation(arrays["mean"], arrays["deviation"], arrays.get("clip", np.inf))
+    except (KeyError, RecordError, TypeError, ValueError) as error:
+        reason = f"it lacks the array {error}" if isinstance(error, KeyError) else one_line(error, 300)
+        raise ControllerError(
+            f"{path} does not hold a normalisation: {reason}; it is an .npz file with the arrays mean and deviation"
+        ) from error
+
+
+def _load_normalisation(path: Path, *, trust: bool) -> Any:
+    """A `VecNormalize` of Stable-Baselines3 from its file."""
+    _require_trust(path, "give mean and deviation, or an .npz file of them", trust=trust)
     try:
         return pickle.loads(path.read_bytes())
     except OSError as error:

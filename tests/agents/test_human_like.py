@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -163,6 +164,30 @@ def test_invalid_parameters_are_rejected(invalid: dict[str, float], problem: str
 def test_a_recorded_inner_controller_that_is_not_a_controller_is_rejected() -> None:
     with pytest.raises(ControllerError, match="math:inf is not a Controller class"):
         HumanLike.from_settings({"inner": {"path": "math:inf", "version": None, "settings": {}}})
+
+
+def test_an_inner_controller_that_only_a_file_names_is_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("harm.py").write_text("open('harm', 'w')\n")
+    for depth in range(2):
+        path = tmp_path / f"{depth}.json"
+        with s2.JsonRecorder(path) as recorder:
+            driver = HumanLike(HumanLike() if depth else None)
+            Episode(room([], rules=Rules(time_limit=1.0)), driver, observers=[recorder]).run()
+        assert check_rerun(read_episode(path)) == []
+        document = json.loads(path.read_bytes())
+        settings = document["controller"]["settings"]
+        inner = settings["inner"]["settings"]["inner"] if depth else settings["inner"]
+        for place in ("./harm.py:Driver", "harm:Driver", "./harm.py", "os:system", 3):
+            inner["path"] = place
+            path.write_text(json.dumps(document))
+            (problem,) = check_rerun(read_episode(path))
+            assert "is neither built in nor a plug-in, and code that a file names is not run" in problem.message
+            assert repr(str(settings["inner"]["path"])) in problem.message
+        settings["inner"] = "harm"
+        path.write_text(json.dumps(document))
+        assert check_rerun(read_episode(path))
+    assert not Path("harm").exists()
 
 
 def test_it_reaches_the_goal_among_people() -> None:

@@ -124,20 +124,37 @@ def test_a_model_from_its_file_needs_its_normalisation(tmp_path: Path, caplog: p
         model.save(tmp_path / "model.zip")
         s2g.save_policy(tmp_path / "live.npz", model, env)
         loaded = sb3.PPO.load(tmp_path / "model.zip", device="cpu")
-        s2g.save_policy(tmp_path / "loaded.npz", loaded, env, normalisation=normalisation)
+        s2g.save_policy(tmp_path / "loaded.npz", loaded, env, normalisation=normalisation, trust=True)
     assert (tmp_path / "live.npz").read_bytes() == (tmp_path / "loaded.npz").read_bytes()
     live = s2g.PolicyController(model, env)
-    again = s2g.PolicyController(tmp_path / "model.zip", env, normalisation=normalisation)
+    again = s2g.PolicyController(tmp_path / "model.zip", env, normalisation=normalisation, trust=True)
     for observation in observations(env):
         np.testing.assert_allclose(again._predict(observation), live._predict(observation), atol=1e-6)
-    s2g.PolicyController(tmp_path / "model.zip", env, normalisation=False)
+    s2g.PolicyController(tmp_path / "model.zip", env, normalisation=False, trust=True)
     assert not caplog.messages
-    s2g.PolicyController(tmp_path / "model.zip", env)
+    s2g.PolicyController(tmp_path / "model.zip", env, trust=True)
     (message,) = caplog.messages
     assert "does not say whether its observations were normalised" in message
     (tmp_path / "damaged.zip").write_bytes(b"PK")
     with pytest.raises(ControllerError, match=r"damaged.zip is not a model of Stable-Baselines3"):
-        s2g.PolicyController(tmp_path / "damaged.zip", env)
+        s2g.PolicyController(tmp_path / "damaged.zip", env, trust=True)
+
+
+def test_a_normalisation_in_numbers_equals_the_one_of_the_training(tmp_path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model, env = model_of("PPO", normalised=True)
+        normal = model.get_vec_normalize_env()
+        statistics, path = normal.obs_rms, tmp_path / "normalisation.npz"
+        deviation = np.sqrt(statistics.var + normal.epsilon)
+        np.savez(path, mean=statistics.mean, deviation=deviation, clip=normal.clip_obs)
+        live = s2g.PolicyController(model, env)
+        numbers = s2g.PolicyController(model, env, normalisation=path)
+        for observation in observations(env):
+            np.testing.assert_allclose(numbers._predict(observation), live._predict(observation), atol=1e-6)
+        s2g.save_policy(tmp_path / "numbers.npz", model, env, normalisation=path)
+        s2g.save_policy(tmp_path / "live.npz", model, env)
+    assert (tmp_path / "numbers.npz").read_bytes() == (tmp_path / "live.npz").read_bytes()
 
 
 def test_a_file_that_would_act_otherwise_is_refused(tmp_path: Path) -> None:

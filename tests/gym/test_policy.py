@@ -239,14 +239,15 @@ def test_bad_files_and_policies_are_named(tmp_path: Path) -> None:
     with pytest.raises(TypeError, match="got 'lively'"):
         s2g.PolicyController(lambda observation: None, "lively")  # type: ignore[arg-type]
     with pytest.raises(ControllerError, match=r"norm.pkl cannot be read"):
-        s2g.PolicyController(Still(), env, normalisation=tmp_path / "norm.pkl")
+        s2g.PolicyController(Still(), env, normalisation=tmp_path / "norm.pkl", trust=True)
     (tmp_path / "norm.pkl").write_text("no pickle")
     with pytest.raises(ControllerError, match="not a file of VecNormalize"):
-        s2g.PolicyController(Still(), env, normalisation=tmp_path / "norm.pkl")
+        s2g.PolicyController(Still(), env, normalisation=tmp_path / "norm.pkl", trust=True)
     for wrong in (True, {}, "empty.pkl"):
         (tmp_path / "empty.pkl").write_bytes(pickle.dumps([]))
+        path = tmp_path / wrong if isinstance(wrong, str) else wrong
         with pytest.raises(TypeError, match="must be a VecNormalize"):
-            s2g.PolicyController(Still(), env, normalisation=tmp_path / wrong if isinstance(wrong, str) else wrong)
+            s2g.PolicyController(Still(), env, normalisation=path, trust=True)
     with pytest.raises(TypeError, match="a normalisation belongs to a model"):
         s2g.PolicyController(lambda observation: None, env, normalisation=tmp_path / "norm.pkl")
     with pytest.raises(ControllerError, match=r"policy.zip, which lacks its observations, so it cannot be created"):
@@ -272,6 +273,66 @@ def test_bad_files_and_policies_are_named(tmp_path: Path) -> None:
     ):
         with pytest.raises(ValueError, match=message):
             Mlp(**{**fields, **change})
+
+
+HARM = b"cos\nmkdir\n(S'harm'\ntR."  # a pickle that makes a folder
+
+
+def test_pickled_files_are_loaded_only_if_they_are_trusted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    env = make()
+    for name in ("normal.pkl", "normal", "model.zip"):
+        Path(name).write_bytes(HARM)
+    for normalisation in ("normal.pkl", Path("normal")):
+        with pytest.raises(ControllerError, match=r"normal.* runs the code in it; give mean and deviation, or an .npz"):
+            s2g.PolicyController(Still(), env, normalisation=normalisation)
+    with pytest.raises(
+        ControllerError, match=r"model\.zip is a pickled file, .*save_policy as \.npz or \.onnx, or give"
+    ):
+        s2g.PolicyController("model.zip", env)
+    Path("normal.npz").write_bytes(HARM)
+    with pytest.raises(ControllerError, match=r"normal\.npz does not hold a normalisation: it is truncated or damaged"):
+        s2g.PolicyController(Still(), env, normalisation="normal.npz", trust=True)
+    assert not Path("harm").exists()
+    with pytest.raises(TypeError, match="must be a VecNormalize"):  # `mkdir` returns None, and no VecNormalize
+        s2g.PolicyController(Still(), env, normalisation="normal.pkl", trust=True)
+    assert Path("harm").exists()  # so trust is needed
+
+
+class Echo:
+    """A model that acts by the first numbers of its observation."""
+
+    def __init__(self, env: Env) -> None:
+        self.observation_space = env.observation_space
+
+    def predict(self, observation: Any) -> tuple[Any, None]:
+        return observation[:3], None
+
+
+def test_a_normalisation_is_mean_and_deviation(tmp_path: Path) -> None:
+    env = make()
+    observation, _ = env.reset(seed=0)
+    mean, deviation = np.full(observation.shape, 2.0), np.full(observation.shape, 0.5)
+    expected = (observation[:3] - 2.0) * 2.0
+    np.savez(tmp_path / "normal.npz", mean=mean, deviation=deviation)
+    np.savez(tmp_path / "clipped.npz", mean=mean, deviation=deviation, clip=0.25)
+    for normalisation in ((mean, deviation), tmp_path / "normal.npz", str(tmp_path / "normal.npz")):
+        controller = s2g.PolicyController(Echo(env), env, normalisation=normalisation)
+        np.testing.assert_allclose(controller._predict(observation), expected, rtol=1e-6)
+    clipped = s2g.PolicyController(Echo(env), env, normalisation=tmp_path / "clipped.npz")
+    np.testing.assert_allclose(clipped._predict(observation), np.clip(expected, -0.25, 0.25), rtol=1e-6)
+
+    np.savez(tmp_path / "bad.npz", mean=mean)
+    with pytest.raises(ControllerError, match="it lacks the array 'deviation'"):
+        s2g.PolicyController(Echo(env), env, normalisation=tmp_path / "bad.npz")
+    np.savez(tmp_path / "bad.npz", mean=mean, deviation=0.0 * deviation)
+    with pytest.raises(ControllerError, match="deviations are above 0"):
+        s2g.PolicyController(Echo(env), env, normalisation=tmp_path / "bad.npz")
+    with pytest.raises(ControllerError, match="the normalisation has 3 numbers"):
+        s2g.PolicyController(Echo(env), env, normalisation=(mean[:3], deviation[:3]))
+    for numbers in ((mean * np.nan, deviation), (mean, deviation * np.inf)):
+        with pytest.raises(ValueError, match="are finite"):
+            s2g.PolicyController(Echo(env), env, normalisation=numbers)
 
 
 class Still:

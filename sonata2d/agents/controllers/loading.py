@@ -192,7 +192,8 @@ def _copies() -> Path:
 
 
 def is_installed(name: str, settings: Mapping[str, Any]) -> bool:
-    """Whether a recorded controller is a built-in one or a plug-in's, with the weights that belong to it.
+    """Whether a recorded controller is a built-in one or a plug-in's, with the weights that belong to it; likewise its
+    inner controller.
 
     Only such a controller may be created because a file names it: another name would let a file run any code.
 
@@ -204,7 +205,18 @@ def is_installed(name: str, settings: Mapping[str, Any]) -> bool:
         pair = (driver, settings.get("driver")), (labeller, settings.get("labeller"))
         return all(is_installed(part, weights or {}) for part, weights in pair)
     is_known = name in CONTROLLERS or name in CONTROLLERS.built_in.values()
-    return is_known and settings.get("weights") is None
+    is_known = is_known or any(name == point.value for point in CONTROLLERS.plugins.values())
+    inner = inner_of(settings)
+    return is_known and settings.get("weights") is None and (inner is None or is_installed(*inner))
+
+
+def inner_of(settings: Mapping[str, Any]) -> tuple[str, Mapping[str, Any]] | None:
+    """Name and settings of the inner controller in the recorded settings of `HumanLike`; None if there is none."""
+    inner = settings.get("inner")
+    if inner is None:
+        return None
+    path, values = (inner.get("path"), inner.get("settings")) if isinstance(inner, Mapping) else (None, None)
+    return str(path), values if isinstance(values, Mapping) else {}  # other values are no name that is known
 
 
 def is_built_in(controller: Controller) -> bool:

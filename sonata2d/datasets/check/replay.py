@@ -10,7 +10,7 @@ from pathlib import Path
 import orjson
 
 from ...agents.controllers.base import Controller
-from ...agents.controllers.loading import is_installed, load_controller
+from ...agents.controllers.loading import inner_of, is_installed, load_controller
 from ...core.devices import DeviceEvent
 from ...core.files import interruption
 from ...core.geometry import Twist
@@ -179,7 +179,9 @@ def check_rerun(stored: EpisodeRecord, name: str | None = None) -> list[Problem]
             if is_plugin
             else f", and code that a file names is not run; if you trust it, give --controller {recorded}"
         )
-        message = f"the controller {recorded!r} is neither built in nor a plug-in{remedy}"
+        inner = inner_of(settings)
+        which = f"the controller {recorded!r}{f' around {inner[0]!r}' if inner else ''}"
+        message = f"{which} is neither built in nor a plug-in{remedy}"
         return [Problem(path.name, "rerun", message)]
     controller = load_controller(name or recorded, settings)
     if not controller.deterministic:
