@@ -18,6 +18,7 @@ from .floats import FloatFields
 from .geometry import Barriers, Edge, Point
 from .humans import HumanTable, activity_indices, frozen
 from .portable_math import Array, IntArray
+from .wall_lines import straight_walls, wall_lines
 from .wording import counted
 
 _PARKING_DISTANCE, _PARKING_SPACING = 200.0, 5.0  # m, of absent pedestrians from the room and from each other
@@ -166,17 +167,27 @@ class Scene(FloatFields, Drawable):
 
     @cached_property
     def barriers(self) -> Barriers:
-        """Walls, then furniture with a physical body, as thick segments in the order of `barrier_owner`."""
+        """Straight walls, then furniture with a physical body, as thick segments in the order of `barrier_owner`."""
         return Barriers.of([edge for _, edges in self._solids for edge in edges])
 
     @cached_property
     def barrier_owner(self) -> tuple[tuple[str, int], ...]:
-        """Owner of each barrier: ("wall", index) or ("object", id)."""
+        """Owner of each barrier: ("wall", key in `straight_walls`) or ("object", id)."""
         return tuple(owner for owner, edges in self._solids for _ in edges)
 
     @cached_property
+    def wall_lines(self) -> tuple[int, ...]:
+        """For each wall, the index of the first piece of its straight wall, by which contacts name it."""
+        return wall_lines(self.walls)
+
+    @cached_property
+    def straight_walls(self) -> dict[int, Wall]:
+        """Walls, of which those that are drawn in several pieces are joined, by the index of their first piece."""
+        return straight_walls(self.walls, self.wall_lines)
+
+    @cached_property
     def _solids(self) -> list[tuple[tuple[str, int], list[Edge]]]:
-        walls = [(("wall", k), [(wall.start, wall.end, 0.0)]) for k, wall in enumerate(self.walls)]
+        walls = [(("wall", k), [(wall.start, wall.end, 0.0)]) for k, wall in self.straight_walls.items()]
         objects = [(("object", f.id), f.shape.edges(f.pose)) for f in self.furniture if f.on is None]
         return walls + objects
 

@@ -31,7 +31,8 @@ class Contact:
 
     Attributes:
         kind: what the robot touched.
-        id: of the human or object; for a wall its index in the scene.
+        id: of the human or object; for a wall its index in the scene, or that of the first of the pieces of a straight
+            wall.
         robot_at_fault, other_at_fault: whether each side closed the gap.
     """
 

@@ -114,8 +114,9 @@ def encounter(record: EpisodeRecord) -> Encounter:
 
 def doorways(scene: Scene) -> list[tuple[Point, Point]]:
     """Both ends of each gap of up to 1.3 m between free ends of walls, m."""
-    ends = [end for wall in scene.walls for end in (wall.start, wall.end)]
-    barriers = [Barriers.of([(wall.start, wall.end, 0.0)]) for wall in scene.walls]
+    walls = scene.straight_walls.values()
+    ends = [end for wall in walls for end in (wall.start, wall.end)]
+    barriers = [Barriers.of([(wall.start, wall.end, 0.0)]) for wall in walls]
     free = [end for end in ends if sum(b.gaps(np.array([end])).min() < 1e-3 for b in barriers) == 1]
     return [(a, b) for a, b in combinations(free, 2) if 0.0 < lengths(np.subtract(a, b)) <= _MAX_DOOR_WIDTH]
 
@@ -170,7 +171,7 @@ def _kind(moved: tuple[Array, Array], angle: float, before: Array, after: Array)
 
 def _sight_distance(trajectory: Trajectory, k: int) -> float | None:
     """Distance in the first state without a wall between robot and human, m; None if that is the first, or never."""
-    walls = Barriers.of((wall.start, wall.end, 0.0) for wall in trajectory.scene.walls)
+    walls = Barriers.of((wall.start, wall.end, 0.0) for wall in trajectory.scene.straight_walls.values())
     present = trajectory.present[:, k]
     robot, human = trajectory.position[present], trajectory.human_position[present, k]
     hidden = np.any(segments_cross(robot, human, walls), axis=0)

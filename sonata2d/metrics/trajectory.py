@@ -29,7 +29,7 @@ class Collision:
     """An uninterrupted contact of the robot with one outline.
 
     Attributes:
-        kind, id: the outline; of a wall, its index in the scene.
+        kind, id: the outline; of a wall, its number in `Scene.wall_lines`.
         first, last: indices of the first and the last state in contact.
         robot_at_fault, other_at_fault: whether its own velocity closed the gap at any of these states.
     """
@@ -246,10 +246,12 @@ def _find_collisions(trajectory: Trajectory) -> list[Collision]:
 
 def _recorded_contacts(trajectory: Trajectory) -> Iterator[tuple[Outline, int, Fault]]:
     """Outline, state index and fault of the contacts in the file."""
-    document = trajectory.record.document
+    document, lines = trajectory.record.document, trajectory.scene.wall_lines
     for index, state in enumerate([*document["frames"], document["final"]][: len(trajectory)]):
         for row in state["contacts"]:
-            yield (row["kind"], row["id"]), index, (row["robot_at_fault"], row["other_at_fault"])
+            kind, id = row["kind"], row["id"]
+            outline = (kind, lines[id] if kind == "wall" else id)
+            yield outline, index, (row["robot_at_fault"], row["other_at_fault"])
 
 
 def _human_contacts(trajectory: Trajectory) -> Iterator[tuple[Outline, int, Fault]]:
@@ -267,7 +269,10 @@ def _barrier_contacts(trajectory: Trajectory) -> Iterator[tuple[Outline, int, Fa
     """Outline, state index and fault where the clearance to a wall or object is below the contact distance."""
     scene = trajectory.scene
     owners: tuple[Outline, ...] = scene.barrier_owner  # type: ignore[assignment]
-    for m, index in np.argwhere(trajectory.barrier_clearance < scene.rules.contact_distance).tolist():
+    near = trajectory.barrier_clearance < scene.rules.contact_distance
+    # the nearest edge of an outline comes last: it decides whose fault the contact is
+    order = sorted(np.argwhere(near).tolist(), key=lambda pair: -trajectory.barrier_clearance[tuple(pair)])
+    for m, index in order:
         x, y = scene.barriers.subset([m]).towards(trajectory.position[index : index + 1])
         vx, vy = trajectory.velocity[index].tolist()
         closing = (vx * float(x[0, 0]) + vy * float(y[0, 0])) / max(float(np.hypot(x, y)[0, 0]), 1e-9)

@@ -198,12 +198,16 @@ class World:
 def _guard(scene: Scene) -> Guard:
     """The safety guard's arrays for the humans and barriers of a scene."""
     humans, barriers = len(scene.humans), len(scene.barriers)
+    first: dict[tuple[str, int], int] = {}
     return Guard(
         radius=scene.human_table.radius.copy(),  # kernels take writeable arrays
         shoulder=scene.human_table.shoulder.copy(),
         torso=np.zeros((humans, 2)),
         human_contact=np.zeros(humans, dtype=np.int64),
         barrier_contact=np.zeros(barriers, dtype=np.int64),
+        barrier_owner=np.array(
+            [first.setdefault(owner, k) for k, owner in enumerate(scene.barrier_owner)], dtype=np.int64
+        ),
         near=np.zeros(humans + barriers, dtype=np.int64),
         counts=np.zeros(3, dtype=np.int64),
         separation=np.zeros((humans + barriers, 4)),
@@ -215,7 +219,7 @@ def _space_with_obstacles(scene: Scene) -> pymunk.Space:
     space = pymunk.Space()
     space.iterations, space.collision_slop = scene.rules.iterations, 0.001  # pymunk's default slop is 0.1 m
     space.collision_bias = OVERLAP_LEFT
-    shapes = _static_segments(space.static_body, [(w.start, w.end, 0.0) for w in scene.walls])
+    shapes = _static_segments(space.static_body, [(w.start, w.end, 0.0) for w in scene.straight_walls.values()])
     for k, piece in enumerate(scene.furniture):
         if piece.on is None:
             solid = _static_shapes(space.static_body, piece)

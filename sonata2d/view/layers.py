@@ -100,7 +100,7 @@ def _ray_lengths(place: Array, head: float, walls: Barriers) -> Array:
 
 def draw_gazes(brush: Brush, humans: Sequence[HumanState], scene: Scene) -> None:
     """Draw the pedestrians' fields of view, which end at walls."""
-    rays = _blocked_rays(humans, scene.barriers.subset([*range(len(scene.walls))]))  # walls come first
+    rays = _blocked_rays(humans, scene.barriers.subset([*range(len(scene.straight_walls))]))  # walls come first
     for human in humans:
         r, activity = human.radius, human.activity
         position, gaze = human.pose.position, (math.cos(human.head), math.sin(human.head))

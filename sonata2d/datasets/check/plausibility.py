@@ -237,7 +237,7 @@ def _check_overlaps(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Findin
     positions = np.where(pushed[..., None], np.nan, _positions(record))
     directions, radii, shoulders = _bodies(record)
     names = [*(f"human {human.id}" for human in scene.humans), "the robot"]
-    walls = Barriers.of([(wall.start, wall.end, 0.0) for wall in scene.walls])
+    walls = Barriers.of((wall.start, wall.end, 0.0) for wall in scene.straight_walls.values())
     for k, name in enumerate(names):
         position, minimum_distance = positions[:, k], radii[k] - maximum_overlap
         line = shoulder_lines(position, directions[:, k], shoulders[k])

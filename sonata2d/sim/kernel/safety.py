@@ -53,6 +53,7 @@ class Guard(NamedTuple):
         torso: (N, 2), unit vectors of their headings in the substep.
         human_contact: (N,) of int, the bits above, of contacts during the tick.
         barrier_contact: (B,) of int, the same for walls and furniture.
+        barrier_owner: (B,) of int, the first barrier of the same wall or object.
         near: (N + B,) of int, the pedestrians and then the barriers that can come near within the tick.
         counts: (3,) of int, how many of them are pedestrians, and barriers; and 1 if there was a contact in the tick.
         separation: (N + B, 4), scratch, for each near outline: unit vector from the robot to it, the gap, m, and the
@@ -64,6 +65,7 @@ class Guard(NamedTuple):
     torso: Floats2
     human_contact: Ints
     barrier_contact: Ints
+    barrier_owner: Ints
     near: Ints
     counts: Ints
     separation: Floats2
@@ -151,16 +153,31 @@ def limited(
         if remaining >= rules[CONTACT_DISTANCE]:
             continue
         guard.counts[2] = 1
-        own_speed = wanted_x * nx + wanted_y * ny
         if n >= people:
+            edge = _nearest_edge(guard, n, people, count)
+            own_speed = wanted_x * separation[edge, NORMAL_X] + wanted_y * separation[edge, NORMAL_Y]
             guard.barrier_contact[k] |= _faults(own_speed, 0.0)
             continue
+        own_speed = wanted_x * nx + wanted_y * ny
         away = bodies[k, VX] * nx + bodies[k, VY] * ny
         guard.human_contact[k] |= _faults(own_speed, -away)
         if remaining < 0.0 and towards > max(away, 0.0):
             # Half of the velocity difference, as in an inelastic collision of equal masses.
             push = min(push, max(1.0 - 0.5 * (towards - away) * towards / square, 0.0))
     return (vx, vy), push, is_reduced and is_guarded
+
+
+@subroutine
+def _nearest_edge(guard: Guard, n: int, first: int, count: int) -> int:
+    """The nearest edge of the object that near outline n belongs to; near barriers are those from `first` to `count`.
+
+    A robot that slides along one side of a table also comes near to the end of the next one, but not by its own fault.
+    """
+    nearest, owner = n, guard.barrier_owner[guard.near[n]]
+    for k in range(first, count):
+        if guard.barrier_owner[guard.near[k]] == owner and guard.separation[k, GAP] < guard.separation[nearest, GAP]:
+            nearest = k
+    return nearest
 
 
 @subroutine
