@@ -21,6 +21,7 @@ from .portable_math import Array, IntArray
 from .wall_lines import straight_walls, wall_lines
 from .wording import counted
 
+_TICK_TOLERANCE = 1e-6  # of a tick, by which the time limit is a multiple of the tick in spite of rounding
 _PARKING_DISTANCE, _PARKING_SPACING = 200.0, 5.0  # m, of absent pedestrians from the room and from each other
 
 
@@ -32,7 +33,7 @@ class Rules:
         dt: control period, the time between frames, s.
         substeps: number of physics steps in a tick.
         iterations: number of iterations of the contact solver.
-        time_limit: s.
+        time_limit: s; no state of the episode is later.
         ends_on: events that end the episode besides the time limit.
         guard: whether the safety guard limits the robot's velocity by the gaps around it.
         contact_distance: outlines nearer than this are in contact, m.
@@ -50,8 +51,8 @@ class Rules:
 
     @property
     def last_tick(self) -> int:
-        """The tick at which the time limit is reached."""
-        return int(self.time_limit / self.dt + 0.5)
+        """The last tick whose time is not beyond the time limit; the episode ends there."""
+        return int(self.time_limit / self.dt + _TICK_TOLERANCE)
 
 
 @dataclass(frozen=True, slots=True)

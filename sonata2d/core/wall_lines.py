@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from .entities import Wall
 from .portable_math import Array, BoolArray
-from .vectors import X, Y
+from .vectors import X, Y, length, lengths
 
 _TOLERANCE = 1e-3  # m, by which ends of the pieces may be off their straight line, and apart
 
@@ -43,9 +42,9 @@ def straight_walls(walls: Sequence[Wall], lines: Sequence[int]) -> dict[int, Wal
 def _joined(pieces: Sequence[Wall]) -> Wall:
     """The straight wall of several pieces, in the direction of the first one."""
     ends = [end for wall in pieces for end in (wall.start, wall.end)]
-    far = max(ends, key=lambda end: math.dist(end, ends[0]))
-    other = max(ends, key=lambda end: math.dist(end, far))
     (x, y), (end_x, end_y) = ends[:2]
+    far = max(ends, key=lambda end: length(end[0] - x, end[1] - y))
+    other = max(ends, key=lambda end: length(end[0] - far[0], end[1] - far[1]))
     is_ahead = (far[0] - other[0]) * (end_x - x) + (far[1] - other[1]) * (end_y - y) > 0.0
     return Wall(other, far) if is_ahead else Wall(far, other)
 
@@ -57,7 +56,7 @@ def _joined_pairs(ends: Array) -> Array:
     # of the walls in the order of their left ends, those that begin before wall k ends
     following = np.searchsorted(low[order, X], high[order, X], side="right") - np.arange(len(order)) - 1
     first = np.repeat(np.arange(len(order)), following)
-    second = first + 1 + np.arange(len(first)) - np.repeat(np.cumsum(following) - following, following)
+    second = first + 1 + np.arange(len(first)) - np.repeat(np.add.accumulate(following) - following, following)
     pairs = np.sort(np.stack((order[first], order[second]), axis=1), axis=1)
     i, j = pairs.T
     pairs = pairs[(low[i, Y] <= high[j, Y]) & (low[j, Y] <= high[i, Y])]
@@ -72,7 +71,7 @@ def _is_straight(points: Array) -> BoolArray:
     b = points[rows, _farthest(points, a)]
     along, offset = b - a, points - a[:, None]
     aside = np.abs(along[:, None, X] * offset[..., Y] - along[:, None, Y] * offset[..., X]).max(axis=1)
-    straight: BoolArray = aside <= _TOLERANCE * np.hypot(along[:, X], along[:, Y])
+    straight: BoolArray = aside <= _TOLERANCE * lengths(along)
     return straight
 
 

@@ -15,7 +15,7 @@ _ALL_OUTLINES = (*BODIES, *OBSTACLES)
 
 @metric("0/1", "more", needs=GOAL, headline=True)
 def success(trajectory: Trajectory) -> float:
-    """1 if |p − g| ≤ goal.distance and |wrap(θ − θ_g)| ≤ goal.angle in a state before the time limit, else 0.
+    """1 if |p − g| ≤ goal.distance and |wrap(θ − θ_g)| ≤ goal.angle in a state until the time limit, else 0.
 
     Source: Francis et al., arXiv 2306.16740, table of metrics (S).
     """
@@ -33,11 +33,12 @@ def success_strict(trajectory: Trajectory) -> float:
 
 @metric("0/1", "less", needs={*GOAL, "outcome"})
 def timeout(trajectory: Trajectory) -> float:
-    """1 if the time limit is reached before the goal, else 0.
+    """1 if the time limit ends the run, or passes, before the goal is reached, else 0.
 
     Source: Francis et al., arXiv 2306.16740, table of metrics (TO).
     """
-    return float(trajectory.goal_index is None and trajectory.record.outcome.status == "timeout")
+    is_over = trajectory.record.outcome.status in ("timeout", "goal")  # "goal" of an older file: after the time limit
+    return float(trajectory.goal_index is None and is_over)
 
 
 @metric("count", "less", needs=_ALL_OUTLINES)

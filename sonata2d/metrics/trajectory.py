@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..core.entities import ANY_HEADING
-from ..core.geometry import to_shoulder_line
+from ..core.geometry import PRECISION, to_shoulder_line
 from ..core.navigation import FreeSpace
 from ..core.portable_math import Array, BoolArray, unit_vectors
 from ..core.scene import Scene
@@ -70,15 +70,17 @@ class Trajectory:
 
     @cached_property
     def goal_index(self) -> int | None:
-        """Index of the first state in which the robot is at the goal, with an accepted heading; None if never.
+        """Index of the first state within the time limit in which the robot is at the goal; None if never.
 
-        None, too, for an imported episode whose source has no robot or no goal: their positions are placeholders.
+        Its heading must be an accepted one. None, too, for an imported episode whose source has no robot or no goal:
+        their positions are placeholders.
         """
-        robot, goal = self.record.states.robot, self.scene.goal
+        states, goal = self.record.states, self.scene.goal
+        robot = states.robot[states.time <= self.scene.rules.time_limit + PRECISION]
         if self.scene.unmeasured & {"robot", "goal"}:
             return None
         if self.record.outcome.status == "goal":  # the outcome decides: recorded positions are rounded
-            return len(robot) - 1
+            return len(robot) - 1 if len(robot) == len(states.robot) else None
         at_goal = lengths(robot[:, :2] - goal.position) <= goal.distance
         if goal.angle < ANY_HEADING:
             at_goal &= np.abs(wrap_angles(robot[:, THETA] - goal.theta)) <= goal.angle

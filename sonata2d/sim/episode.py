@@ -384,7 +384,7 @@ def outcome_at(snapshot: Snapshot) -> Outcome | None:
         reason = f"contact with {contact.kind} {contact.id}, at fault: {fault}"
         return Outcome("contact", reason, snapshot.tick, snapshot.time)
     if snapshot.tick >= rules.last_tick:
-        return Outcome("timeout", f"{rules.time_limit} s are over", snapshot.tick, snapshot.time)
+        return Outcome("timeout", f"{snapshot.time} s are over", snapshot.tick, snapshot.time)
     return None
 
 

@@ -50,6 +50,16 @@ def test_timeout_requires_the_time_limit_before_the_goal() -> None:
     assert value("timeout", room(), TO_GOAL, status="timeout") == 0.0
 
 
+def test_a_goal_after_the_time_limit_is_no_success() -> None:
+    """The goal is reached in state 56, at 5.6 s."""
+    for limit, is_in_time in ((5.55, 0.0), (5.5, 0.0), (5.6, 1.0), (5.65, 1.0)):
+        scene = room(rules=Rules(time_limit=limit))
+        for robot, status in ((TO_GOAL, "stopped"), (TO_GOAL[:57], "goal")):
+            assert value("success", scene, robot, status=status) == is_in_time
+            assert value("time_to_goal", scene, robot, status=status) == (pytest.approx(5.6) if is_in_time else None)
+        assert value("timeout", scene, TO_GOAL[:57], status="goal") == 1.0 - is_in_time
+
+
 def test_contacts_in_consecutive_states_are_one_collision() -> None:
     scene = room([Human(1, Pose(0.0, 3.0), 0.2)])
     contacts = {index: [contact(1)] for index in (3, 4, 5, 9)}

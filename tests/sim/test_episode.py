@@ -280,3 +280,31 @@ def test_a_controller_is_an_object(given: Any, remedy: str) -> None:
 def test_observers_are_a_list() -> None:
     with pytest.raises(TypeError, match=r"observers are several; write observers=\[EpisodeRecorder\(\.\.\.\)\]"):
         s2.Episode(s2.generate("empty", 1), s2.StraightToGoal(), observers=s2.EpisodeRecorder())  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("limit", "dt", "last"),
+    [
+        (2.85, 0.1, 28), (2.8, 0.1, 28), (2.9, 0.1, 29), (2.89, 0.1, 28), (0.3, 0.1, 3), (0.7, 0.1, 7),
+        (60.0, 0.1, 600), (1.0, 0.3, 3), (3600.0, 0.05, 72_000), (2.0, 1 / 30, 60), (60.0, 0.0667, 899), (0.1, 0.1, 1),
+    ],
+)  # fmt: skip
+def test_the_last_state_is_the_last_within_the_time_limit(limit: float, dt: float, last: int) -> None:
+    assert Rules(dt=dt, time_limit=limit).last_tick == last
+
+
+@pytest.mark.parametrize(("limit", "status"), [(2.75, "timeout"), (2.8, "goal"), (2.85, "goal")])
+def test_a_goal_at_2_8_seconds_counts_if_the_time_limit_is_not_below(limit: float, status: str) -> None:
+    scene = room(rules=Rules(time_limit=limit))
+    positions = [frame.snapshot.robot.position for frame in _frames(scene)]
+    goal = Goal(positions[28][0] + 0.39999, positions[28][1])
+    outcome = s2.Episode(replace(scene, goal=goal), s2.StraightToGoal()).run()
+    assert (outcome.status, outcome.time) == (status, 2.8 if status == "goal" else 2.7)
+    assert outcome.reason == ("within 0.4 m of the goal" if status == "goal" else "2.7 s are over")
+
+
+def _frames(scene: Scene) -> list[Frame]:
+    """The frames of a robot that drives straight ahead, for 4 s."""
+    log = CallLog()
+    s2.Episode(replace(scene, rules=Rules(time_limit=4.0)), s2.StraightToGoal(), observers=[log]).run()
+    return log.frames
