@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .entities import Wall
-from .portable_math import Array, BoolArray
+from .portable_math import Array, BoolArray, IntArray
 from .vectors import X, Y, length, lengths
 
 _TOLERANCE = 1e-3  # m, by which ends of the pieces may be off their straight line, and apart
@@ -49,7 +49,7 @@ def _joined(pieces: Sequence[Wall]) -> Wall:
     return Wall(other, far) if is_ahead else Wall(far, other)
 
 
-def _joined_pairs(ends: Array) -> Array:
+def _joined_pairs(ends: Array) -> IntArray:
     """Pairs of collinear walls (W, 2, 2), m, without a gap between them: rows of two indices, ascending."""
     low, high = ends.min(axis=1), ends.max(axis=1) + _TOLERANCE
     order = np.argsort(low[:, X], kind="stable")
@@ -61,7 +61,7 @@ def _joined_pairs(ends: Array) -> Array:
     i, j = pairs.T
     pairs = pairs[(low[i, Y] <= high[j, Y]) & (low[j, Y] <= high[i, Y])]
     pairs = pairs[_is_straight(ends[pairs].reshape(-1, 4, 2))]
-    return pairs[np.lexsort(pairs.T[::-1])]
+    return np.asarray(pairs[np.lexsort(pairs.T[::-1])])
 
 
 def _is_straight(points: Array) -> BoolArray:
@@ -71,8 +71,7 @@ def _is_straight(points: Array) -> BoolArray:
     b = points[rows, _farthest(points, a)]
     along, offset = b - a, points - a[:, None]
     aside = np.abs(along[:, None, X] * offset[..., Y] - along[:, None, Y] * offset[..., X]).max(axis=1)
-    straight: BoolArray = aside <= _TOLERANCE * lengths(along)
-    return straight
+    return np.asarray(aside <= _TOLERANCE * lengths(along))
 
 
 def _farthest(points: Array, origin: Array) -> Array:

@@ -13,7 +13,7 @@ from ..record.record import EpisodeRecord
 from ..registry import did_you_mean
 from .trajectory import Trajectory
 
-DEFINITIONS_VERSION = 2  # of all metrics together; raised when a formula changes
+DEFINITIONS_VERSION = 3  # of all metrics together; raised when a formula changes
 OURS = "sonata2d"  # source of a formula that is not published elsewhere
 
 Better = Literal["more", "less", "neither"]

@@ -73,7 +73,7 @@ def object_collisions(trajectory: Trajectory) -> float:
 
 @metric("count", "less", needs={"robot", "robot.radius", "walls"}, headline=True)
 def wall_collisions(trajectory: Trajectory) -> float:
-    """Number of collisions with walls, counted for each wall separately.
+    """Number of collisions with walls, counted for each straight wall separately, in however many pieces it is drawn.
 
     Source: Francis et al., arXiv 2306.16740, table of metrics (WC).
     """

@@ -28,9 +28,10 @@ def path_length(trajectory: Trajectory) -> float:
 
 @metric("m", "neither", needs=_SHORTEST_PATH)
 def shortest_length(trajectory: Trajectory) -> float | None:
-    """L₀ = length of the robot's shortest path around walls and furniture, minus goal.distance, at least 0.
+    """L₀ = length of the robot's shortest path to a position with |p − g| ≤ goal.distance; 0 if it starts there.
 
-    Not defined where no path exists.
+    The path keeps p at r_robot from walls and furniture or farther, by straight lines and arcs around corners, and
+    ignores people. Not defined where no path exists.
 
     Source: Anderson et al., arXiv 1807.06757.
     """
@@ -39,7 +40,7 @@ def shortest_length(trajectory: Trajectory) -> float | None:
 
 @metric("share", "more", needs=_SHORTEST_PATH, headline=True)
 def spl(trajectory: Trajectory) -> float | None:
-    """S · L₀ / max(PL, L₀), where S is success; S if the robot starts within the goal.
+    """S · L₀ / max(PL, L₀), where S is success; S if L₀ is 0.
 
     Not defined where no path exists.
 

@@ -11,13 +11,13 @@ import numpy as np
 
 from ..core.entities import ANY_HEADING
 from ..core.geometry import PRECISION, to_shoulder_line
-from ..core.navigation import FreeSpace
 from ..core.portable_math import Array, BoolArray, unit_vectors
 from ..core.scene import Scene
 from ..core.snapshot import CLOSING_SPEED
 from ..core.vectors import lengths, wrap_angles
 from ..datasets.motion import OMEGA, THETA, VX, VY
 from ..record.record import EpisodeRecord
+from .shortest_path import shortest_length
 
 Kind = Literal["human", "object", "wall"]
 Outline = tuple[Kind, int]  # kind, and id of the human or object or index of the wall
@@ -216,16 +216,16 @@ class Trajectory:
 
     @cached_property
     def shortest_path(self) -> float | None:
-        """Length of the robot's shortest path from its start to the edge of the goal, m; None if no path exists.
+        """Length of the shortest path from the robot's start to the edge of the goal, m; None if no path exists.
 
         The path avoids walls and furniture at the robot's radius and ignores humans.
         """
-        goal, scene = self.scene.goal, self.scene
+        goal, table = self.scene.goal, self.scene.barriers.table
         if not self.radius > 0.0:
             return None
         x, y = self.position[0].tolist()
-        length = FreeSpace(scene.outline, scene.barriers, self.radius).distance((x, y), goal.position)
-        return max(length - goal.distance, 0.0) if np.isfinite(length) else None
+        length = shortest_length(table, float(self.radius), x, y, float(goal.x), float(goal.y), float(goal.distance))
+        return length if np.isfinite(length) else None
 
 
 def _find_collisions(trajectory: Trajectory) -> list[Collision]:
