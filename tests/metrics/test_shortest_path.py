@@ -139,7 +139,7 @@ def test_paths_are_as_short_as_those_of_a_dense_visibility_graph(seed: int) -> N
 
 
 def sampled_length(barriers: Barriers, radius: float, start: Array, goal: Array, distance: float) -> float:
-    """Dijkstra's algorithm over points of the circles around all ends of barriers, and of the circle around the goal."""
+    """Dijkstra's algorithm over points of the circles around the ends of barriers and around the goal."""
     if math.dist(start, goal) <= distance:
         return 0.0
     ends = np.concatenate((barriers.start, barriers.end))
