@@ -37,7 +37,7 @@ def traced_walls(size: float, seed: int) -> list[list[float]]:
     for i in range(pitch // 2, cells - pitch // 2 + 1, pitch):
         for j in range(pitch // 2, cells - pitch // 2 + 1, pitch):
             for _ in range(4):
-                a, b, radius = *(draw.uniform(-2.0, 2.0, 2) + (i, j)), draw.uniform(1.0, 3.0)
+                a, b, radius = i + draw.uniform(-2.0, 2.0), j + draw.uniform(-2.0, 2.0), draw.uniform(1.0, 3.0)
                 solid |= (x - a) ** 2 + (y - b) ** 2 < radius**2
     walls = []
     corners = solid[:-1, :-1] + 2 * solid[1:, :-1] + 4 * solid[1:, 1:] + 8 * solid[:-1, 1:]

@@ -15,7 +15,7 @@ from .visibility import (
     NOT_BUILT,
     Graph,
     Space,
-    build_graph,
+    build_nodes,
     check_lines,
     check_point,
     check_points,
@@ -39,7 +39,8 @@ class FreeSpace:
     Raises:
         ValueError: clearance is zero or negative.
 
-    Source: Lozano-Pérez & Wesley, Comm. ACM 22 (1979) 560; Floyd, Comm. ACM 5 (1962) 345.
+    Source: Lozano-Pérez & Wesley, Comm. ACM 22 (1979) 560; Hart, Nilsson & Raphael,
+    IEEE Trans. Syst. Sci. Cybern. 4 (1968) 100.
     """
 
     def __init__(self, outline: Array, barriers: Barriers, clearance: float) -> None:
@@ -113,7 +114,8 @@ class FreeSpace:
 
     def _built_graph(self) -> Packed[Graph]:
         if not self._graph.value.is_built:
-            self._graph = Packed(Graph(*build_graph(self._space.argument), True))
+            nodes = build_nodes(self._space.argument)
+            self._graph = Packed(Graph(nodes, np.zeros((len(nodes), len(nodes)), np.uint8), True))
         return self._graph
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from itertools import accumulate
 from typing import Any, NamedTuple
@@ -9,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .compiled.kernel import kernel, subroutine
-from .compiled.packing import Floats2, Ints2, Packed, unpack
+from .compiled.packing import Bytes2, Floats2, Packed, unpack
 from .compiled.scalar import (
     END_X,
     END_Y,
@@ -51,6 +52,8 @@ _MIN_COSINE = 1e-6  # of half the angle of a corner; below it the barriers are c
 _MAX_PUSHES = 8  # attempts to reach a free position by moving off the nearest barriers
 
 NONE, FOUND, NEEDS_GRAPH = 0, 1, -1  # results of a search
+_UNKNOWN, _OPEN, _BLOCKED = 0, 1, 2  # in `Graph.edges`
+_LONG = 32  # nodes; a longer search also looks from the end, which may lie in a small closed space
 
 
 class Space(NamedTuple):
@@ -72,22 +75,20 @@ class Space(NamedTuple):
 
 
 class Graph(NamedTuple):
-    """Visibility graph.
+    """Visibility graph, whose edges are found when paths need them.
 
     Attributes:
         nodes: (n, 2), turning points, m.
-        lengths: (n, n), of the shortest paths between nodes, m.
-        next_node: (n, n), next node on the path from the first to the second node.
+        edges: (n, n), whether the straight line between two nodes is free: `_UNKNOWN`, `_OPEN` or `_BLOCKED`.
         is_built: False for a graph that has not been needed yet, which is empty.
     """
 
     nodes: Floats2
-    lengths: Floats2
-    next_node: Ints2
+    edges: Bytes2
     is_built: bool
 
 
-NOT_BUILT = Packed(Graph(np.empty((0, 2)), np.empty((0, 0)), np.empty((0, 0), dtype=np.int64), False))
+NOT_BUILT = Packed(Graph(np.empty((0, 2)), np.empty((0, 0), np.uint8), False))
 
 
 # Free positions and straight lines
@@ -264,29 +265,9 @@ def _push(space: Space, x: float, y: float) -> tuple[float, float]:
 
 
 @kernel
-def build_graph(packed_space: Any) -> tuple[Array, Array, IntArray]:
-    """Nodes, lengths and next nodes of a `Graph`."""
-    space = unpack(packed_space, Space)
-    nodes = _turning_points(space)
-    count = len(nodes)
-    lengths, next_node = np.empty((count, count)), np.empty((count, count), dtype=np.int64)
-    for i in range(count):
-        for j in range(count):
-            lengths[i, j], next_node[i, j] = math.inf if i != j else 0.0, j
-    for i in range(count):
-        x, y = nodes[i, X], nodes[i, Y]
-        for j in range(i + 1, count):
-            if _is_visible(space.ends, space.lines, x, y, nodes[j, X], nodes[j, Y]):
-                lengths[i, j] = lengths[j, i] = length(x - nodes[j, X], y - nodes[j, Y])
-    for k in range(count):  # Floyd's algorithm
-        for i in range(count):
-            if lengths[i, k] < math.inf:
-                for j in range(i):
-                    detour = lengths[i, k] + lengths[k, j]
-                    if detour < lengths[i, j]:
-                        lengths[i, j] = lengths[j, i] = detour
-                        next_node[i, j], next_node[j, i] = next_node[i, k], next_node[j, k]
-    return nodes, lengths, next_node
+def build_nodes(packed_space: Any) -> Array:
+    """Nodes of a `Graph`."""
+    return _turning_points(unpack(packed_space, Space))
 
 
 @subroutine
@@ -411,21 +392,15 @@ def find_path(
         return NEEDS_GRAPH, math.inf
     if status == NONE or end_status == NONE:
         return 0, math.inf
-    shortest, entry, last = length(end_x - x, end_y - y), -1, -1
+    shortest, count = length(end_x - x, end_y - y), 0
     if not _is_visible(space.ends, space.lines, x, y, end_x, end_y):
         if not graph.is_built:
             return NEEDS_GRAPH, math.inf
-        totals, exits = _exits(space, graph, end_x, end_y)
-        shortest, entry = _entry(space, graph, x, y, totals)
-        if entry < 0:
+        shortest, count = _search(space, graph, x, y, end_x, end_y, route[2:])
+        if shortest == math.inf:
             return 0, math.inf
-        last = exits[entry]
     route[0, X], route[0, Y], route[1, X], route[1, Y] = start_x, start_y, x, y
-    count = 2
-    while entry >= 0:
-        route[count, X], route[count, Y] = graph.nodes[entry, X], graph.nodes[entry, Y]
-        count += 1
-        entry = graph.next_node[entry, last] if entry != last else -1
+    count += 2
     route[count, X], route[count, Y], route[count + 1, X], route[count + 1, Y] = end_x, end_y, goal_x, goal_y
     kept = 1
     for k in range(1, count + 2):  # drop the points that equal the previous one
@@ -436,39 +411,81 @@ def find_path(
 
 
 @subroutine
-def _exits(space: Space, graph: Graph, end_x: float, end_y: float) -> tuple[Array, IntArray]:
-    """For each of n nodes: length of its path to the end (n,), m, and the last node on that path (n,)."""
-    count = len(graph.nodes)
-    totals, exits = np.empty(count), np.empty(count, dtype=np.int64)
-    for i in range(count):
-        totals[i], exits[i] = math.inf, 0
-    for k in range(count):
-        x, y = graph.nodes[k, X], graph.nodes[k, Y]
-        if _is_visible(space.ends, space.lines, x, y, end_x, end_y):
-            last = length(x - end_x, y - end_y)
-            for i in range(count):
-                total = graph.lengths[k, i] + last  # the lengths are symmetric
-                if total < totals[i]:
-                    totals[i], exits[i] = total, k
-    return totals, exits
+def _search(
+    space: Space, graph: Graph, x: float, y: float, end_x: float, end_y: float, route: Array
+) -> tuple[float, int]:
+    """The shortest path over nodes: its length, m, infinite without a path, and their number; fills the route.
+
+    A* that tests a line only when it would be the next one of the shortest path, so that most are never tested.
+    """
+    count, reached, is_connected = len(graph.nodes), 0, False
+    previous, is_reached = np.full(count + 1, -1), np.zeros(count + 1, dtype=np.bool_)  # the last is the end
+    is_seen = np.zeros(count + 1, dtype=np.bool_)  # from the end; here the last is the start
+    # Lines from one node, or the start or end (-1), to another: bound of the path and length up to there, m.
+    lines, lines_back = [(math.inf, 0.0, -1, -1)], [(math.inf, 0.0, -1, -1)]
+    _add_lines(lines, graph, is_reached, -1, x, y, end_x, end_y, 0.0)
+    _add_lines(lines_back, graph, is_seen, -1, end_x, end_y, x, y, 0.0)
+    while True:
+        bound, travelled, i, j = heapq.heappop(lines)
+        if bound == math.inf:
+            return math.inf, 0
+        if not is_reached[j] and _is_open(space, graph, i, j, x, y, end_x, end_y):
+            is_reached[j], previous[j], reached = True, i, reached + 1
+            if j == count:
+                return travelled, _trace(graph, previous, i, route)
+            is_connected |= is_seen[j]
+            _add_lines(lines, graph, is_reached, j, graph.nodes[j, X], graph.nodes[j, Y], end_x, end_y, travelled)
+        if reached > _LONG and not is_connected:
+            bound, travelled, i, j = heapq.heappop(lines_back)
+            if bound == math.inf:
+                return math.inf, 0
+            if not is_seen[j] and _is_open(space, graph, i, j, end_x, end_y, x, y):
+                is_seen[j], is_connected = True, j == count or is_reached[j]
+                if not is_connected:
+                    _add_lines(lines_back, graph, is_seen, j, graph.nodes[j, X], graph.nodes[j, Y], x, y, travelled)
 
 
 @subroutine
-def _entry(space: Space, graph: Graph, x: float, y: float, totals: Array) -> tuple[float, int]:
-    """Length of the shortest path from a free position, m, and the first node on it; infinite and -1 without a path.
-
-    Nodes are tried in the order of the path length that they would give: testing visibility is the expensive part,
-    and mostly one of the first nodes is visible.
-    """
+def _add_lines(
+    lines: list[tuple[float, float, int, int]], graph: Graph, is_reached: BoolArray,
+    i: int, x: float, y: float, end_x: float, end_y: float, travelled: float,
+) -> None:  # fmt: skip
+    """Add the lines from node i, at a position, to the nodes that are not reached, and to the end."""
     count = len(graph.nodes)
-    bounds = np.empty(count)
-    for i in range(count):
-        bounds[i] = length(graph.nodes[i, X] - x, graph.nodes[i, Y] - y) + totals[i]
-    while True:
-        best, shortest = -1, math.inf
-        for i in range(count):
-            if bounds[i] < shortest:
-                best, shortest = i, bounds[i]
-        if best < 0 or _is_visible(space.ends, space.lines, x, y, graph.nodes[best, X], graph.nodes[best, Y]):
-            return shortest, best
-        bounds[best] = math.inf
+    for j in range(count):
+        if not is_reached[j] and (i < 0 or graph.edges[i, j] != _BLOCKED):
+            node_x, node_y = graph.nodes[j, X], graph.nodes[j, Y]
+            total = travelled + length(node_x - x, node_y - y)
+            heapq.heappush(lines, (total + length(end_x - node_x, end_y - node_y), total, i, j))
+    total = travelled + length(end_x - x, end_y - y)
+    heapq.heappush(lines, (total, total, i, count))
+
+
+@subroutine
+def _is_open(space: Space, graph: Graph, i: int, j: int, x: float, y: float, end_x: float, end_y: float) -> bool:
+    """Whether the line from node i, or from the start (-1), to node j, or to the end (n), is free; nodes keep it."""
+    count = len(graph.nodes)
+    is_kept = i >= 0 and j < count
+    if is_kept and graph.edges[i, j] != _UNKNOWN:
+        return bool(graph.edges[i, j] == _OPEN)
+    if i >= 0:
+        x, y = graph.nodes[i, X], graph.nodes[i, Y]
+    if j < count:
+        end_x, end_y = graph.nodes[j, X], graph.nodes[j, Y]
+    is_open = _is_visible(space.ends, space.lines, x, y, end_x, end_y)
+    if is_kept:
+        graph.edges[i, j] = graph.edges[j, i] = _OPEN if is_open else _BLOCKED
+    return is_open
+
+
+@subroutine
+def _trace(graph: Graph, previous: IntArray, last: int, route: Array) -> int:
+    """Put the nodes of a path up to the last one into the route; returns their number."""
+    count, k = 0, last
+    while k >= 0:
+        count, k = count + 1, previous[k]
+    k = last
+    for place in range(count - 1, -1, -1):
+        route[place, X], route[place, Y] = graph.nodes[k, X], graph.nodes[k, Y]
+        k = previous[k]
+    return count

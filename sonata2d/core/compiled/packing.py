@@ -26,6 +26,7 @@ Floats2 = Annotated[NDArray[np.float64], np.float64, 2]
 Floats3 = Annotated[NDArray[np.float64], np.float64, 3]
 Ints = Annotated[NDArray[np.int64], np.int64, 1]
 Ints2 = Annotated[NDArray[np.int64], np.int64, 2]
+Bytes2 = Annotated[NDArray[np.uint8], np.uint8, 2]
 Bools = Annotated[NDArray[np.bool_], np.bool_, 1]
 
 
