@@ -115,7 +115,8 @@ class FreeSpace:
     def _built_graph(self) -> Packed[Graph]:
         if not self._graph.value.is_built:
             nodes = build_nodes(self._space.argument)
-            self._graph = Packed(Graph(nodes, np.zeros((len(nodes), len(nodes)), np.uint8), True))
+            n = len(nodes)
+            self._graph = Packed(Graph(nodes, np.zeros((n, n), np.uint8), np.zeros(n + 1, np.int64), True))
         return self._graph
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .compiled.kernel import kernel, subroutine
-from .compiled.packing import Bytes2, Floats2, Packed, unpack
+from .compiled.packing import Bytes2, Floats2, Ints, Packed, unpack
 from .compiled.scalar import (
     END_X,
     END_Y,
@@ -80,15 +80,17 @@ class Graph(NamedTuple):
     Attributes:
         nodes: (n, 2), turning points, m.
         edges: (n, n), whether the straight line between two nodes is free: `_UNKNOWN`, `_OPEN` or `_BLOCKED`.
+        space: (n + 1,), number of the closed space that a node lies in, 0 while none is known; and how many are known.
         is_built: False for a graph that has not been needed yet, which is empty.
     """
 
     nodes: Floats2
     edges: Bytes2
+    space: Ints
     is_built: bool
 
 
-NOT_BUILT = Packed(Graph(np.empty((0, 2)), np.empty((0, 0), np.uint8), False))
+NOT_BUILT = Packed(Graph(np.empty((0, 2)), np.empty((0, 0), np.uint8), np.zeros(1, np.int64), False))
 
 
 # Free positions and straight lines
@@ -419,6 +421,8 @@ def _search(
     A* that tests a line only when it would be the next one of the shortest path, so that most are never tested.
     """
     count, reached, is_connected = len(graph.nodes), 0, False
+    if graph.space[count] > 0 and _closed_space(space, graph, x, y) != _closed_space(space, graph, end_x, end_y):
+        return math.inf, 0
     previous, is_reached = np.full(count + 1, -1), np.zeros(count + 1, dtype=np.bool_)  # the last is the end
     is_seen = np.zeros(count + 1, dtype=np.bool_)  # from the end; here the last is the start
     # Lines from one node, or the start or end (-1), to another: bound of the path and length up to there, m.
@@ -428,6 +432,7 @@ def _search(
     while True:
         bound, travelled, i, j = heapq.heappop(lines)
         if bound == math.inf:
+            _mark_closed(graph, is_reached)
             return math.inf, 0
         if not is_reached[j] and _is_open(space, graph, i, j, x, y, end_x, end_y):
             is_reached[j], previous[j], reached = True, i, reached + 1
@@ -438,11 +443,39 @@ def _search(
         if reached > _LONG and not is_connected:
             bound, travelled, i, j = heapq.heappop(lines_back)
             if bound == math.inf:
+                _mark_closed(graph, is_seen)
                 return math.inf, 0
             if not is_seen[j] and _is_open(space, graph, i, j, end_x, end_y, x, y):
                 is_seen[j], is_connected = True, j == count or is_reached[j]
                 if not is_connected:
                     _add_lines(lines_back, graph, is_seen, j, graph.nodes[j, X], graph.nodes[j, Y], x, y, travelled)
+
+
+@subroutine
+def _mark_closed(graph: Graph, is_reached: BoolArray) -> None:
+    """Number the closed space of all nodes that a search without success has reached."""
+    count = len(graph.nodes)
+    graph.space[count] += 1
+    for k in range(count):
+        if is_reached[k]:
+            graph.space[k] = graph.space[count]
+
+
+@subroutine
+def _closed_space(space: Space, graph: Graph, x: float, y: float) -> int:
+    """The number of the known closed space that a free position lies in, that of a visible node; 0 without one."""
+    is_tested = np.zeros(len(graph.nodes), dtype=np.bool_)
+    while True:
+        nearest, shortest = -1, math.inf
+        for k in range(len(graph.nodes)):
+            distance = length(graph.nodes[k, X] - x, graph.nodes[k, Y] - y)
+            if not is_tested[k] and distance < shortest:
+                nearest, shortest = k, distance
+        if nearest < 0:
+            return 0
+        if _is_visible(space.ends, space.lines, x, y, graph.nodes[nearest, X], graph.nodes[nearest, Y]):
+            return int(graph.space[nearest])
+        is_tested[nearest] = True
 
 
 @subroutine

@@ -246,3 +246,28 @@ def test_the_interpreter_gives_the_bits_of_compiled_code(tmp_path):
         assert max(len(compiled[name]) for name in compiled.files) > 3
         for name in compiled.files:
             assert np.array_equal(compiled[name], interpreted[name]), name
+
+
+def hollow_pillars():
+    """36 hollow octagons in a square room, whose walls are not in order, so that they are no solid objects."""
+    corners = [(0.45 * math.cos(k * math.pi / 4), 0.45 * math.sin(k * math.pi / 4)) for k in range(8)]
+    edges = list(zip(corners, corners[1:] + corners[:1], strict=True))
+    centres = [(1.0 + 1.2 * i, 1.0 + 1.2 * j) for i in range(6) for j in range(6)]
+    walls = [((x + a, y + b), (x + c, y + d)) for (a, b), (c, d) in edges[::2] + edges[1::2] for x, y in centres]
+    return space(walls=walls, clearance=0.1), centres
+
+
+def test_there_is_no_path_into_a_closed_space_or_out_of_it():
+    room, centres = hollow_pillars()
+    fresh = hollow_pillars()[0]
+    outside = [(0.2, 0.2), (7.8, 7.8), (0.3, 7.7), (1.6, 1.6), (4.6, 5.8)]
+    for inside in centres[::5]:
+        for point in outside:
+            assert room.path(inside, point) is None
+            assert room.distance(point, inside) == math.inf
+        assert room.path(inside, centres[1]) is None
+        assert len(room.path(inside, (inside[0] + 0.1, inside[1]))) == 2
+    for start in outside:  # and what earlier searches have found changes no path
+        for goal in outside:
+            assert np.array_equal(room.path(start, goal), hollow_pillars()[0].path(start, goal))
+    assert len(fresh.path(outside[0], outside[1])) > 3
