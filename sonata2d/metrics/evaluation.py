@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from statistics import fmean
 from typing import Any
 
 import numpy as np
@@ -115,9 +116,11 @@ class Evaluation:
         return [need for need in NEEDS if need in needs and all(need in episode.lacks for episode in self.episodes)]
 
     def difference(self, baseline: Evaluation, name: str) -> Summary:
-        """Summary of this evaluation's metric minus the baseline's, over the scenes common to both."""
-        ours, theirs = ({episode.scene: episode.values for episode in each.episodes} for each in (self, baseline))
-        return differences(theirs, ours, name, resamples=self.resamples)
+        """Summary of this evaluation's metric minus the baseline's, over the scenes common to both.
+
+        Of several episodes in one scene, the mean counts.
+        """
+        return differences(baseline._by_scene(name), self._by_scene(name), name, resamples=self.resamples)
 
     def differs(self, baseline: Evaluation, name: str) -> bool:
         """Whether a metric differs significantly from another evaluation in the common scenes.
@@ -153,6 +156,14 @@ class Evaluation:
             },
             "episodes": [asdict(episode) for episode in self.episodes],
         }  # fmt: skip
+
+    def _by_scene(self, name: str) -> dict[str, dict[str, float]]:
+        """The mean of a metric in each scene in which it is defined."""
+        values: dict[str, list[float]] = {}
+        for episode in self.episodes:
+            if (value := episode.values.get(name)) is not None:
+                values.setdefault(episode.scene, []).append(value)
+        return {scene: {name: fmean(found)} for scene, found in values.items()}
 
     def _summarise(self, name: str, episodes: Sequence[Measured]) -> Summary:
         return summarise([episode.values.get(name) for episode in episodes], resamples=self.resamples)

@@ -142,7 +142,8 @@ def bootstrap_interval(
         raise ValueError(f"level must be between 0 and 1 and resamples positive, got {level} and {resamples}")
     if len(values) < 2:
         return None
-    return _bootstrap_interval(np.asarray(values, dtype=float).tobytes(), level, resamples, seed)
+    in_order = np.sort(np.asarray(values, dtype=float))  # the order of episodes does not matter
+    return _bootstrap_interval(in_order.tobytes(), level, resamples, seed)
 
 
 @lru_cache(maxsize=4096)  # an evaluation needs most intervals several times: all episodes, a family, the successful

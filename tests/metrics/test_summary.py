@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from sonata2d.metrics.evaluation import Evaluation
 from sonata2d.metrics.summary import bootstrap_interval, differences, summarise, wilson_interval
+
+from .samples import evaluation, measured
 
 NUMBERS = st.lists(st.floats(-100.0, 100.0).map(lambda v: round(v, 3)), min_size=2, max_size=30)
 
@@ -72,3 +75,44 @@ def test_wilson_interval_of_none_in_ten_has_a_width() -> None:
     assert wilson_interval(0, 10) == (0.0, pytest.approx(0.2775, abs=1e-4))
     with pytest.raises(ValueError, match="got 3 of 2"):
         wilson_interval(3, 2)
+
+
+VALUES = [0.3, None, 0.9, 0.1, 0.7, 0.7, None, 0.2]
+
+
+def test_the_order_of_episodes_changes_nothing() -> None:
+    for seed in range(5):
+        order = np.random.default_rng(seed).permutation(len(VALUES)).tolist()
+        assert summarise([VALUES[k] for k in order]) == summarise(VALUES)
+    whole, base = evaluation("a", *VALUES), evaluation("b", *VALUES[::-1])
+    backwards = Evaluation("a", whole.episodes[::-1])
+    assert backwards.difference(base, "spl") == whole.difference(base, "spl")
+    assert backwards.quartiles("spl") == whole.quartiles("spl")
+    assert backwards.share("spl") == whole.share("spl")
+
+
+def test_pooling_the_parts_of_a_data_set_gives_the_whole() -> None:
+    whole = evaluation("a", *VALUES)
+    parts = Evaluation("a", [*whole.episodes[5:], *whole.episodes[:2], *whole.episodes[2:5]])
+    assert parts.summary("spl") == whole.summary("spl")
+    means = [Evaluation("a", part).summary("spl") for part in (whole.episodes[:3], whole.episodes[3:])]
+    assert sum(m.n * (m.mean or 0.0) for m in means) / 6 == pytest.approx(whole.summary("spl").mean)
+
+
+def test_a_data_set_compared_with_its_copy_has_no_differences() -> None:
+    first, copy = evaluation("a", *VALUES), evaluation("copy", *VALUES)
+    assert copy.difference(first, "spl").to_json() == {"n": 6, "mean": 0.0, "median": 0.0, "low": 0.0, "high": 0.0}
+    assert not copy.differs(first, "spl")
+    twice = Evaluation("twice", [*first.episodes, *copy.episodes])
+    assert twice.difference(first, "spl") == copy.difference(first, "spl")
+    assert (twice.summary("spl").mean, twice.summary("spl").n) == (first.summary("spl").mean, 12)
+
+
+def test_several_episodes_in_one_scene_count_by_their_mean() -> None:
+    """Scene 0: 0.2 and 0.6 against 0.1; scene 1: 0.5 against 0.9."""
+    several = Evaluation("a", [measured(0, {"spl": 0.2}), measured(1, {"spl": 0.5}), measured(0, {"spl": 0.6})])
+    other = evaluation("b", 0.1, 0.9)
+    for each in (several, Evaluation("a", several.episodes[::-1])):
+        difference = each.difference(other, "spl")
+        assert (difference.n, difference.mean) == (2, pytest.approx((0.3 - 0.4) / 2))
+        assert difference.interval == pytest.approx((-0.4, 0.3))
