@@ -37,9 +37,10 @@ Conventions:
   are clearances (between outlines) unless stated otherwise: d = max(0, |p − q| − r_robot − r_person), where q is the
   nearest point of the person's shoulder line, which lies across the heading and is breadth − 2 r_person long; of a
   person without a breadth, as in imported files, it is the position. Variants of other projects keep their discs.
-- A *collision* is an uninterrupted contact with one outline, however long. It is determined from the recorded
-  contacts, which are detected within ticks, and from the clearance at each state. A party is at fault if its own
-  velocity closed the gap at any of these states: the robot, the person, both or neither.
+- A *collision* is an uninterrupted contact with one outline, however long: a person, an object, or a straight wall, in
+  however many pieces it is drawn. It is determined from the recorded contacts, which are detected within ticks, and
+  from the clearance at each state. A party is at fault if its own velocity closed the gap at any of these states: the
+  robot, the person, both or neither.
 - Intervals assume independent runs: of a data set with mirror images, evaluate only the originals. Three `hunavsim`
   variants differ between a run and its mirror image, as they do in that program.
 - A metric that is not defined for a run is null and not counted in n: clearance in a room without people, time to goal

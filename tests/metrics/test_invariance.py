@@ -327,7 +327,7 @@ NOT_INVARIANT: dict[Change, dict[str, str]] = {
 def differing(
     first: Mapping[str, float | None], second: Mapping[str, float | None], tolerance: float = 1e-5
 ) -> dict[str, tuple[float | None, float | None]]:
-    """The metrics that differ by more than a tolerance, which is relative for values above 1 or 100 %, with both values."""
+    """The metrics that differ by more than a tolerance, relative for values above 1 or 100 %, with both values."""
 
     def is_same(name: str, a: float | None, b: float | None) -> bool:
         if a is None or b is None:
