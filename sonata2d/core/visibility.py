@@ -175,21 +175,32 @@ def check_lines(barriers: Array, clearance: float, start: Array, end: Array, cle
 @subroutine
 def is_clear(barriers: Array, clearance: float, x: float, y: float, end_x: float, end_y: float) -> bool:
     """`FreeSpace.is_clear` for one straight line."""
-    low_x, high_x, low_y, high_y = min(x, end_x), max(x, end_x), min(y, end_y), max(y, end_y)
+    return _blocker(barriers, clearance, x, y, end_x, end_y) < 0
+
+
+@subroutine
+def _blocker(barriers: Array, clearance: float, x: float, y: float, end_x: float, end_y: float) -> int:
+    """Index of the first barrier that is too near to a straight line; -1 if none is."""
     for k in range(len(barriers)):
-        # Most barriers are beyond one side of the rectangle around the line.
-        reach = barriers[k, RADIUS] + clearance
-        ax, ay, bx, by = barriers[k, START_X], barriers[k, START_Y], barriers[k, END_X], barriers[k, END_Y]
-        if (
-            min(ax, bx) > high_x + reach
-            or max(ax, bx) < low_x - reach
-            or min(ay, by) > high_y + reach
-            or max(ay, by) < low_y - reach
-        ):
-            continue
-        if line_gap(barriers, k, x, y, end_x, end_y) < clearance - TOLERANCE:
-            return False
-    return True
+        if _is_blocked(barriers, k, clearance, x, y, end_x, end_y):
+            return k
+    return -1
+
+
+@subroutine
+def _is_blocked(barriers: Array, k: int, clearance: float, x: float, y: float, end_x: float, end_y: float) -> bool:
+    """Whether barrier k is too near to a straight line."""
+    # Most barriers are beyond one side of the rectangle around the line.
+    reach = barriers[k, RADIUS] + clearance
+    ax, ay, bx, by = barriers[k, START_X], barriers[k, START_Y], barriers[k, END_X], barriers[k, END_Y]
+    if (
+        min(ax, bx) > max(x, end_x) + reach
+        or max(ax, bx) < min(x, end_x) - reach
+        or min(ay, by) > max(y, end_y) + reach
+        or max(ay, by) < min(y, end_y) - reach
+    ):
+        return False
+    return line_gap(barriers, k, x, y, end_x, end_y) < clearance - TOLERANCE
 
 
 @subroutine
@@ -421,7 +432,9 @@ def _search(
     A* that tests a line only when it would be the next one of the shortest path, so that most are never tested.
     """
     count, reached, is_connected = len(graph.nodes), 0, False
-    if graph.space[count] > 0 and _closed_space(space, graph, x, y) != _closed_space(space, graph, end_x, end_y):
+    if graph.space[count] > 0 and (
+        _is_shut_off(space, graph, end_x, end_y, x, y) or _is_shut_off(space, graph, x, y, end_x, end_y)
+    ):
         return math.inf, 0
     previous, is_reached = np.full(count + 1, -1), np.zeros(count + 1, dtype=np.bool_)  # the last is the end
     is_seen = np.zeros(count + 1, dtype=np.bool_)  # from the end; here the last is the start
@@ -462,20 +475,28 @@ def _mark_closed(graph: Graph, is_reached: BoolArray) -> None:
 
 
 @subroutine
-def _closed_space(space: Space, graph: Graph, x: float, y: float) -> int:
-    """The number of the known closed space that a free position lies in, that of a visible node; 0 without one."""
-    is_tested = np.zeros(len(graph.nodes), dtype=np.bool_)
-    while True:
-        nearest, shortest = -1, math.inf
-        for k in range(len(graph.nodes)):
-            distance = length(graph.nodes[k, X] - x, graph.nodes[k, Y] - y)
-            if not is_tested[k] and distance < shortest:
-                nearest, shortest = k, distance
-        if nearest < 0:
-            return 0
-        if _is_visible(space.ends, space.lines, x, y, graph.nodes[nearest, X], graph.nodes[nearest, Y]):
-            return int(graph.space[nearest])
-        is_tested[nearest] = True
+def _is_shut_off(space: Space, graph: Graph, x: float, y: float, other_x: float, other_y: float) -> bool:
+    """Whether a free position sees nodes of known closed spaces only, and another free position sees none of these."""
+    count, blocker = len(graph.nodes), 0
+    is_entered = np.zeros(graph.space[count] + 1, dtype=np.bool_)  # by number of the closed space
+    for k in range(count):
+        node_x, node_y = graph.nodes[k, X], graph.nodes[k, Y]
+        # What blocks the line to a node mostly blocks the line to the next one, which is near.
+        if _is_blocked(space.barriers, blocker, space.clearance, x, y, node_x, node_y):
+            continue
+        found = _blocker(space.barriers, space.clearance, x, y, node_x, node_y)
+        if found >= 0:
+            blocker = found
+        elif graph.space[k] == 0:
+            return False
+        else:
+            is_entered[graph.space[k]] = True
+    for k in range(count):
+        if is_entered[graph.space[k]] and _is_visible(
+            space.ends, space.lines, other_x, other_y, graph.nodes[k, X], graph.nodes[k, Y]
+        ):
+            return False
+    return True
 
 
 @subroutine

@@ -271,3 +271,17 @@ def test_there_is_no_path_into_a_closed_space_or_out_of_it():
         for goal in outside:
             assert np.array_equal(room.path(start, goal), hollow_pillars()[0].path(start, goal))
     assert len(fresh.path(outside[0], outside[1])) > 3
+
+
+@pytest.mark.parametrize("seed", [97, 98])
+def test_a_path_does_not_depend_on_earlier_searches_in_a_room_with_narrow_places(seed):
+    """In room 98 some positions see nodes on both sides of a place that has no node of its own."""
+    small = ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))
+    draw, walls = np.random.default_rng(seed), []
+    for _ in range(12):
+        x, y = draw.uniform(0.0, 4.0, 2).tolist()
+        size, angle = draw.uniform(0.3, 1.5), draw.uniform(0.0, 6.28)
+        walls.append(((x, y), (x + size * math.cos(angle), y + size * math.sin(angle))))
+    searched, draw = space(small, walls, clearance=0.2), np.random.default_rng(seed)
+    for start, goal in draw.uniform(0.0, 4.0, (30, 2, 2)).tolist():
+        assert np.array_equal(searched.path(start, goal), space(small, walls, clearance=0.2).path(start, goal))
