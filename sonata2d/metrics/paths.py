@@ -30,8 +30,8 @@ def path_length(trajectory: Trajectory) -> float:
 def shortest_length(trajectory: Trajectory) -> float | None:
     """L₀ = length of the robot's shortest path to a position with |p − g| ≤ goal.distance; 0 if it starts there.
 
-    The path keeps p at r_robot from walls and furniture or farther, by straight lines and arcs around corners, and
-    ignores people. Not defined where no path exists.
+    The path keeps p at r_robot from each wall and object or farther, at its distance at the start if that is less, by
+    straight lines and arcs around corners, and ignores people. Not defined where no path exists.
 
     Source: Anderson et al., arXiv 1807.06757.
     """

@@ -12,9 +12,9 @@ import math
 import numpy as np
 
 from ..core.compiled.kernel import kernel, subroutine
-from ..core.compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, gap, line_gap
+from ..core.compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, gap
 from ..core.portable_math import Array
-from ..core.visibility import TOLERANCE
+from ..core.visibility import TOLERANCE, is_clear
 
 _ARC_STEPS = 180  # of a whole circle, at which an arc is tested for obstacles
 _TURN = 2.0 * math.pi
@@ -28,7 +28,7 @@ def shortest_length(
 ) -> float:
     """Length of the shortest path of a disc from a point to a free position near a goal, m; infinite without a path.
 
-    From a point that is nearer to barriers than the radius, the path may lead away from them.
+    Where the point is nearer to a barrier than the radius, the whole path keeps only this smaller distance from it.
 
     Args:
         barriers: (M, 8), `Barriers.table`.
@@ -43,7 +43,8 @@ def shortest_length(
     if straight <= 0.0:
         return 0.0
     part = straight / (straight + distance)
-    if _is_clear(barriers, radius, x, y, x + part * (goal_x - x), y + part * (goal_y - y), True):
+    barriers = _passable(barriers, radius, x, y)
+    if is_clear(barriers, radius, x, y, x + part * (goal_x - x), y + part * (goal_y - y)):
         return straight
     circles = _circles(barriers, radius)
     targets = _targets(barriers, circles, radius, goal_x, goal_y, distance)
@@ -53,8 +54,7 @@ def shortest_length(
     tried = [(0, 0, 0.0, 0.0, 0.0)]  # circle, sense, angle and length on arrival, angle to the next obstacle
     while len(lines) > 0:
         _, travelled, start_x, start_y, end_x, end_y, circle, sense = heapq.heappop(lines)
-        is_first = start_x == x and start_y == y
-        if circle != -2 and not _is_clear(barriers, radius, start_x, start_y, end_x, end_y, is_first):
+        if circle != -2 and not is_clear(barriers, radius, start_x, start_y, end_x, end_y):
             continue
         if circle == -1:
             return travelled
@@ -100,23 +100,12 @@ def shortest_length(
 
 
 @subroutine
-def _is_clear(barriers: Array, radius: float, x: float, y: float, end_x: float, end_y: float, is_first: bool) -> bool:
-    """Whether a disc can move straight from a point to another; the first line may begin too near to a barrier."""
-    low_x, high_x, low_y, high_y = min(x, end_x), max(x, end_x), min(y, end_y), max(y, end_y)
+def _passable(barriers: Array, radius: float, x: float, y: float) -> Array:
+    """Barriers with radii so much smaller that a disc can be at a point; it can be on no barrier's core line."""
+    passable = barriers.copy()
     for k in range(len(barriers)):
-        reach = barriers[k, RADIUS] + radius
-        ax, ay, bx, by = barriers[k, START_X], barriers[k, START_Y], barriers[k, END_X], barriers[k, END_Y]
-        if (
-            min(ax, bx) > high_x + reach
-            or max(ax, bx) < low_x - reach
-            or min(ay, by) > high_y + reach
-            or max(ay, by) < low_y - reach
-        ):
-            continue
-        nearest = line_gap(barriers, k, x, y, end_x, end_y)
-        if nearest < radius - TOLERANCE and not (is_first and nearest >= gap(barriers, k, x, y) - TOLERANCE):
-            return False
-    return True
+        passable[k, RADIUS] += min(max(gap(barriers, k, x, y), 2.0 * TOLERANCE - barriers[k, RADIUS]) - radius, 0.0)
+    return passable
 
 
 @subroutine

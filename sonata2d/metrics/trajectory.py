@@ -76,7 +76,7 @@ class Trajectory:
         their positions are placeholders.
         """
         states, goal = self.record.states, self.scene.goal
-        robot = states.robot[states.time - states.time[0] <= self.scene.rules.time_limit + PRECISION]
+        robot = states.robot[states.time - states.time[0] <= self.scene.rules.time_limit + 0.5 * PRECISION]
         if self.scene.unmeasured & {"robot", "goal"}:
             return None
         if self.record.outcome.status == "goal":  # the outcome decides: recorded positions are rounded

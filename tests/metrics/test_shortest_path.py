@@ -107,6 +107,24 @@ def test_a_robot_that_starts_too_near_to_a_wall_moves_away_from_it() -> None:
     assert length(room(robot=Pose(-3.0, -3.8)), (-3.0, -3.8)) == pytest.approx(math.hypot(6.0, 3.8) - 0.4, abs=1e-5)
 
 
+def test_a_path_keeps_the_smaller_distance_from_a_wall_that_the_robot_starts_too_near_to() -> None:
+    """Along the wall at 0.2 m, around its end at 0.2 m, and straight to the goal."""
+    scene = room(inner=[Wall((0.0, -4.0), (0.0, 0.0))], goal=(3.0, -2.0))
+    arc_end, tangent = math.atan2(-2.0, 3.0) + math.acos(0.2 / math.sqrt(13.0)), math.sqrt(13.0 - 0.2**2)
+    exact = 2.0 + 0.2 * (math.pi - arc_end) + tangent - 0.4
+    assert length(scene, (-0.2, -2.0)) == pytest.approx(exact, abs=1e-5)
+    assert length(scene, (0.0, -2.0)) is None  # on the wall itself
+    beyond = math.pi / 2.0 - arc_end
+    assert length(scene, (0.0, 0.2)) == pytest.approx(0.2 * beyond + tangent - 0.4, abs=1e-5)
+
+
+def test_a_path_leads_out_of_a_round_table_that_the_robot_starts_in_but_not_through_the_sides_of_others() -> None:
+    scene = room(furniture=[Furniture(9, "table", Pose(0.0, 0.0), Disc(0.6))])
+    tangent, angle = math.sqrt(9.0 - 0.25), math.acos(0.5 / 3.0)
+    assert length(scene, (-0.5, 0.0)) == pytest.approx(tangent + 0.5 * (math.pi - angle) - 0.4, abs=1e-5)
+    assert length(room(furniture=[Furniture(9, "table", Pose(0.0, 0.0), Rectangle(2.0, 1.0))]), (-0.5, 0.0)) is None
+
+
 def cluttered(seed: int) -> Barriers:
     """A room of 8 m by 8 m with two inner walls, five rectangles and five discs."""
     draw = np.random.default_rng(seed)
@@ -126,13 +144,17 @@ def cluttered(seed: int) -> Barriers:
     return room(furniture=furniture, inner=inner).barriers
 
 
+@pytest.mark.parametrize("too_near", [0, 1])
 @pytest.mark.parametrize("seed", range(20))
-def test_paths_are_as_short_as_those_of_a_dense_visibility_graph(seed: int) -> None:
+def test_paths_are_as_short_as_those_of_a_dense_visibility_graph(seed: int, too_near: int) -> None:
+    """From free positions, and from positions that one barrier is too near to."""
     draw, barriers = np.random.default_rng(seed), cluttered(seed)
     radius, distance = draw.uniform(0.15, 0.4), draw.uniform(0.1, 1.0)
     points = draw.uniform(-3.8, 3.8, (500, 2))
-    start, goal = points[barriers.gaps(points).min(axis=0) >= radius][0], points[-1]
+    start, goal = points[(barriers.gaps(points) < radius).sum(axis=0) == too_near][0], points[-1]
     found = shortest_length(barriers.table, radius, *start.tolist(), *goal.tolist(), distance)
+    less = np.minimum(barriers.gaps(start[None])[:, 0] - radius, 0.0)
+    barriers = Barriers(barriers.start, barriers.end, barriers.radius + less)
     expected = sampled_length(barriers, radius, start, goal, distance)
     assert found == pytest.approx(expected, abs=0.01)
     assert found <= expected + 1e-6
@@ -144,8 +166,10 @@ def sampled_length(barriers: Barriers, radius: float, start: Array, goal: Array,
         return 0.0
     ends = np.concatenate((barriers.start, barriers.end))
     reach = (np.tile(barriers.radius, 2) + radius) / math.cos(math.radians(2.5))  # so that chords stay outside
-    ends, first = np.unique(ends, axis=0, return_index=True)
-    nodes = (ends[:, None] + reach[first, None, None] * directions(72)).reshape(-1, 2)
+    circles = np.unique(np.column_stack((ends, reach)), axis=0)
+    x, y = (start - circles[:, :2]).T
+    around = np.exp(1j * np.arctan2(y, x))[:, None] * np.exp(2j * np.pi * np.arange(72) / 72)  # from the start's side
+    nodes = (circles[:, None, :2] + circles[:, None, 2:] * np.stack((around.real, around.imag), axis=2)).reshape(-1, 2)
     targets = goal + distance * directions(720)
     targets = targets[is_free(barriers, radius, targets)]
     nodes = np.concatenate((start[None], nodes[is_free(barriers, radius, nodes)]))
