@@ -25,6 +25,7 @@ import orjson
 
 from ..core.files.locations import delete, file_names, make_folder
 from ..core.files.optional import optional
+from ..core.files.reading import require_readable
 from ..core.files.whole_file import whole_file
 from ..core.wording import one_line
 from ..errors import RecordError
@@ -247,7 +248,9 @@ def _sorted_table(pa: Any, pq: Any, path: Path, name: str) -> Any:
     Raises:
         KeyError: a column is missing.
         pyarrow.ArrowException: a column has another type, or the file is damaged.
+        OSError: it is no file.
     """
+    require_readable(path)
     with path.open("rb") as file:
         table, schema = pq.read_table(file, page_checksum_verification=True), _schemas(pa)[name]
     for column in schema:

@@ -17,7 +17,8 @@ import numpy as np
 
 from ..agents.controllers.learned import LearnedController
 from ..core.files.archives import read_npz
-from ..core.files.limits import MAX_WEIGHTS_BYTES
+from ..core.files.limits import MAX_FILE_BYTES, MAX_WEIGHTS_BYTES
+from ..core.files.reading import read_at_most
 from ..core.geometry import Twist
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
@@ -404,7 +405,7 @@ def _load_normalisation(path: Path, *, trust: bool) -> Any:
     """A `VecNormalize` of Stable-Baselines3 from its file."""
     _require_trust(path, "give mean and deviation, or an .npz file of them", trust=trust)
     try:
-        return pickle.loads(path.read_bytes())
+        return pickle.loads(read_at_most(path, MAX_FILE_BYTES))
     except OSError as error:
         raise ControllerError(f"{path} cannot be read: {error.strerror or error}") from error
     except Exception as error:  # whatever the file makes the unpickler do

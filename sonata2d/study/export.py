@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ..collect.collection import DISCARDED
+from ..core.files.reading import require_readable
 from ..datasets.manifest import CARD, CROISSANT, LOG, MANIFEST, SCENARIO, read_manifest
 from ..errors import RecordError
 from .folder import ANSWERS, LOCK, PERSONAL, PICTURES, RATED, STUDY, read_state, require_outside
@@ -45,6 +46,7 @@ def write_archive(out: Path, file: Path, *, personal: bool) -> Path:
         file.parent.mkdir(parents=True, exist_ok=True)
         with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
             for path in _files(out, personal):
+                require_readable(path)
                 archive.write(path, path.relative_to(out))
             for name, rows in results_of(out, personal=personal).items():
                 archive.writestr(f"tables/{name}.csv", table_of(TABLES[name], rows))
@@ -78,4 +80,4 @@ def _files(out: Path, personal: bool) -> Iterator[Path]:
     folders += [out / STUDY / PERSONAL] if personal else []
     for folder in folders:
         yield from (path for path in sorted(folder.rglob("*")) if path.is_file() and not path.name.startswith("."))
-    yield from sorted(path for path in (out / STUDY).glob("study*") if path.name != LOCK)
+    yield from sorted(path for path in (out / STUDY).glob("study*") if path.name != LOCK and path.is_file())

@@ -6,6 +6,7 @@ from __future__ import annotations
 import gzip
 import io
 import json
+import os
 import re
 from collections.abc import Callable, Iterator
 from copy import deepcopy
@@ -296,8 +297,8 @@ BYTES: list[Mutation] = [
 
 
 def damage_path(rng: Random, path: Path) -> None:
-    """Replace a file by a folder, a link to itself, or nothing, or make it unreadable."""
-    match rng.randrange(4):
+    """Replace a file by a folder, a link to itself or to a device, a pipe or nothing, or make it unreadable."""
+    match rng.randrange(6):
         case 0:
             path.unlink()
         case 1:
@@ -306,5 +307,11 @@ def damage_path(rng: Random, path: Path) -> None:
         case 2:
             path.unlink()
             path.symlink_to(path.name)
+        case 3:
+            path.unlink()
+            path.symlink_to("/dev/zero")
+        case 4:
+            path.unlink()
+            os.mkfifo(path)
         case _:
             path.chmod(0)

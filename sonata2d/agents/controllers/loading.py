@@ -26,6 +26,7 @@ from ...core.code_hash import code_sha256
 from ...core.files import interruption
 from ...core.files.archives import read_npz
 from ...core.files.limits import MAX_WEIGHTS_BYTES
+from ...core.files.reading import read_at_most
 from ...core.files.whole_file import whole_file
 from ...core.wording import described, one_line, shown
 from ...errors import ControllerError
@@ -100,7 +101,7 @@ def _policy_class(path: Path) -> Any:
 def _is_perceptron(path: Path) -> bool:
     """Whether a file holds the weights of a multilayer perceptron; False if it cannot be read."""
     try:
-        header = read_npz(path.read_bytes(), MAX_WEIGHTS_BYTES, ["about"])["about"]
+        header = read_npz(read_at_most(path, MAX_WEIGHTS_BYTES), MAX_WEIGHTS_BYTES, ["about"])["about"]
         return bool(json.loads(str(header))["kind"] == "mlp")
     except (ArithmeticError, KeyError, OSError, RecursionError, TypeError, ValueError):
         return False

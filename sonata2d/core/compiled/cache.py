@@ -275,7 +275,7 @@ def _write(name: str, content: bytes) -> None:
 
 def _delete_old_files(folder: Path, kernel: str) -> None:
     """Delete files that were not used for long, and the oldest of a kernel; processes have read theirs as a whole."""
-    files = sorted(((path.stat().st_mtime, path) for path in folder.iterdir()), reverse=True)
+    files = sorted(((path.lstat().st_mtime, path) for path in folder.iterdir()), reverse=True)
     versions = [path for _, path in files if path.name.startswith(f"{kernel}-") and path.suffix == _SUFFIX]
     old = {path for time, path in files if files[0][0] - time > _MAX_AGE}
     for path in {*old, *versions[_MAX_FILES:]}:

@@ -53,4 +53,4 @@ def require_readable(path: Path) -> None:
 
 def is_shell_pipe(path: Path) -> bool:
     """Whether a path is a pipe by which a shell passes the output of another program."""
-    return path.is_fifo() and any(map(path.is_relative_to, ("/dev", "/proc")))
+    return path.is_fifo() and any(map(path.is_relative_to, ("/dev/fd", "/dev/stdin", "/proc")))

@@ -12,6 +12,7 @@ from typing import Any
 import orjson
 
 from ...core.files.locations import is_remote
+from ...core.files.reading import require_readable
 from ...errors import RecordError, Sonata2dError
 from ...record.canonical import to_json_value
 from ...record.files import read_stored, write_atomically
@@ -168,6 +169,7 @@ def append_to_log(folder: Path, **facts: Any) -> None:
         write_atomically(folder / LOG, stored + line)
         return
     try:
+        require_readable(folder / LOG)
         with (folder / LOG).open("ab") as file:
             file.write(line)
     except OSError as error:
