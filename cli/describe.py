@@ -230,7 +230,8 @@ def _episode_rows(path: Path) -> Rows:
         remarks = imported.get("tracks") or {}
         rows += [("about the tracks", remark) for remark in (*remarks.get("notes", ()), *remarks.get("doubts", ()))]
         rows.append(("not in the source", imported["lacks"]))
-    for block, columns in document["columns"].items():
+    for block in ("robot", "humans", "command"):  # other keys may hold anything
+        columns = document["columns"][block]
         rows.append((f"{block} columns", [f"{c['name']} [{c['unit']}, {c['frame']}]" for c in columns]))
     return rows
 

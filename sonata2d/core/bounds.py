@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Gt, Le, Lt
 
 from .files.limits import MAX_COUNT, MAX_ID, MAX_SUBSTEPS
 
@@ -14,7 +14,7 @@ Number = Annotated[float, Ge(-MAX_MAGNITUDE), Le(MAX_MAGNITUDE)]
 Positive = Annotated[float, Gt(0), Le(MAX_MAGNITUDE)]
 NotNegative = Annotated[float, Ge(0), Le(MAX_MAGNITUDE)]
 Fraction = Annotated[float, Ge(0), Le(1)]
-Count = Annotated[int, Ge(0)]
+Count = Annotated[int, Ge(0), Lt(1 << 63)]  # the length of a list that a computer can hold
 Id = Annotated[int, Ge(-MAX_ID), Le(MAX_ID)]
 Steps = Annotated[int, Ge(1), Le(MAX_SUBSTEPS)]
 Capacity = Annotated[int, Ge(1), Le(MAX_COUNT)]

@@ -14,6 +14,7 @@ from ..core.compiled.kernel import kernel, subroutine
 from ..core.compiled.packing import Floats2, Packed, unpack
 from ..core.compiled.scalar import length, to_line
 from ..core.entities import Interaction
+from ..core.files.limits import MAX_ROWS
 from ..core.humans import X, Y
 from ..core.portable_math import Array, BoolArray, IntArray
 from ..core.relations import RELATIONS
@@ -59,7 +60,10 @@ class Sizes:
 
     def __post_init__(self) -> None:
         for name, number in asdict(self).items():
-            object.__setattr__(self, name, whole_number(f"the number of rows of {name}", number, 1))
+            rows = whole_number(f"the number of rows of {name}", number, 1)
+            if rows > MAX_ROWS:
+                raise ValueError(f"the number of rows of {name} must be {MAX_ROWS} or less, got {rows}")
+            object.__setattr__(self, name, rows)
 
     @classmethod
     def of(cls, config: ScenarioConfig) -> Sizes:

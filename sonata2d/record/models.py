@@ -18,6 +18,7 @@ from pydantic_core import CoreSchema
 from ..core.bounds import Count, Id, NotNegative, Number, Positive
 from ..core.devices import DeviceEvent
 from ..core.entities import Door, Furniture, Goal, Group, Human, Place, Queue, Robot
+from ..core.files.limits import MAX_COUNT
 from ..core.geometry import Disc, Point, Pose, Rectangle
 from ..core.labels import LabelSpec
 from ..core.scene import Rules, Social
@@ -116,7 +117,9 @@ class Room(Part):
     """The room."""
 
     polygon: list[Point] = Field(
-        min_length=3, description="m, world frame, counter-clockwise; pedestrians and robot stay inside"
+        min_length=3,
+        max_length=MAX_COUNT,
+        description="m, world frame, counter-clockwise; pedestrians and robot stay inside",
     )
 
 

@@ -412,3 +412,15 @@ def test_a_picture_has_a_legend_unless_it_is_omitted(sonata2d: Run, here: Path) 
     sonata2d("render out/000000.json -o without.svg --no-legend")
     texts = [(here / name).read_text("utf-8") for name in ("with.svg", "without.svg")]
     assert [">goal</text>" in text for text in texts] == [True, False]
+
+
+@pytest.mark.parametrize("columns", [5, [5], [{"name": 5}], "abc", {}, None])
+def test_unknown_blocks_of_columns_are_not_described(sonata2d: Run, here: Path, columns: object) -> None:
+    """Readers ignore keys that they do not know, whatever these hold."""
+    sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture --no-replay-check")
+    path = here / "out/000000.json"
+    before = sonata2d(f"describe {path}").output
+    document = json.loads(path.read_bytes())
+    document["columns"]["mine"] = columns
+    path.write_text(json.dumps(document))
+    assert sonata2d(f"describe {path}").output == before

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -169,6 +170,22 @@ def test_an_unusable_manifest_is_refused(tmp_path: Path, content: bytes | None, 
         (tmp_path / "manifest.json").write_bytes(content)
     with pytest.raises(RecordError, match=message):
         read_manifest(tmp_path)
+
+
+def test_a_number_of_episodes_that_no_list_has_is_refused(tmp_path: Path) -> None:
+    dataset_in(tmp_path, spec())
+    manifest = json.loads((tmp_path / MANIFEST).read_bytes())
+    write_json(tmp_path / MANIFEST, {**manifest, "episodes": 1 << 63})
+    with pytest.raises(RecordError, match="episodes: Input should be less than 9223372036854775808"):
+        read_manifest(tmp_path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_a_named_pipe_in_place_of_the_log_is_refused(tmp_path: Path) -> None:
+    dataset_in(tmp_path, spec())
+    os.mkfifo(tmp_path / "run.jsonl")
+    with pytest.raises(RecordError, match=r"run\.jsonl cannot be written: it is a named pipe, not a file"):
+        append_to_log(tmp_path, seconds=1.0)
 
 
 def test_of_a_list_with_many_faults_the_first_is_found(tmp_path: Path) -> None:

@@ -134,6 +134,8 @@ def test_bad_arguments_are_named() -> None:
         s2g.SocialNavEnv("empty", sizes={"people": 3})
     with pytest.raises(ValueError, match="the number of rows of walls must be 1 or more, got 0"):
         s2g.SocialNavEnv("empty", sizes={"walls": 0})
+    with pytest.raises(ValueError, match="the number of rows of humans must be 200000 or less, got 1000000000"):
+        s2g.SocialNavEnv("empty", sizes={"humans": 10**9})
     assert s2g.SocialNavEnv("empty", sizes={"walls": np.int64(3)}).observation_space["walls"].shape[0] == 3
     with pytest.raises(ValueError, match="order"):
         s2g.SocialNavEnv("empty", order="random")  # type: ignore[arg-type]

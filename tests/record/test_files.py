@@ -6,6 +6,7 @@ import errno
 import gzip
 import os
 import re
+import tempfile
 import time
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
@@ -16,6 +17,7 @@ import zstandard
 from hypothesis import given, strategies as st
 
 from sonata2d.core.files.limits import MAX_UNPACKED_WITHOUT_RATIO
+from sonata2d.core.files.reading import is_shell_pipe
 from sonata2d.errors import RecordError
 from sonata2d.record.files import compress, file_stem, read_bytes, read_stored, safe_name, write_atomically
 from sonata2d.record.recorder import JsonRecorder
@@ -127,6 +129,20 @@ def test_what_may_have_no_end_is_not_read(tmp_path: Path) -> None:
         read_stored(tmp_path / "zero.json")
     with pytest.raises(RecordError, match=r"pipe\.json cannot be read: it is a named pipe, not a file"):
         read_bytes(tmp_path / "pipe.json")
+    assert not is_shell_pipe(tmp_path / "pipe.json")
+    reading, writing = os.pipe()
+    try:
+        assert is_shell_pipe(Path(f"/dev/fd/{reading}"))
+    finally:
+        os.close(reading)
+        os.close(writing)
+
+
+@pytest.mark.skipif(not os.access("/dev/shm", os.W_OK), reason="needs the folder /dev/shm of Linux")
+def test_a_pipe_in_shared_memory_is_no_pipe_of_a_shell() -> None:
+    with tempfile.TemporaryDirectory(dir="/dev/shm") as folder:
+        os.mkfifo(Path(folder, "pipe"))
+        assert not is_shell_pipe(Path(folder, "pipe"))
 
 
 def test_all_frames_of_a_zstd_file_are_read_and_nothing_may_follow_them(tmp_path: Path) -> None:

@@ -33,5 +33,6 @@ MAX_CELLS = 20_000_000
 MAX_ID = 1 << 53  # of pedestrians, objects and groups: exact also in programs that hold all numbers as double
 MAX_TRACK_POINTS = 1_000_000  # of one pedestrian of a scenario, interpolated at the ticks: more than a day at 0.1 s
 MAX_PERSON_SPEED = 8.0  # m/s, in recorded tracks: people do not run faster, so that a faster step is an error
+MAX_ROWS = 200_000  # of one kind in an observation, as files of policies ask for them
 MAX_GRID_CELLS = 4000  # per side of an occupancy grid
 MAX_SUBSTEPS = 1000  # physics steps of one tick, and iterations of the contact solver
