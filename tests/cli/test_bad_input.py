@@ -417,7 +417,7 @@ def test_a_picture_has_a_legend_unless_it_is_omitted(sonata2d: Run, here: Path) 
 @pytest.mark.parametrize("columns", [5, [5], [{"name": 5}], "abc", {}, None])
 def test_unknown_blocks_of_columns_are_not_described(sonata2d: Run, here: Path, columns: object) -> None:
     """Readers ignore keys that they do not know, whatever these hold."""
-    sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture --no-replay-check")
+    sonata2d("generate out --scenario quick.yaml --episodes 1 --workers 1 --no-picture")
     path = here / "out/000000.json"
     before = sonata2d(f"describe {path}").output
     document = json.loads(path.read_bytes())

@@ -266,7 +266,10 @@ def test_scenario_from_tracks_works_with_all_commands(sonata2d: Run, here: Path)
     ).output
     assert "2 people, 2 of them replayed" in made
     mixed = "scenarios from-tracks street.csv --frame-time 0.4 --replay 2 --goal -2 0 -o mixed.json --json"
-    assert json.loads(sonata2d(mixed).output) == {"scenario": "mixed.json", "people": 2, "replayed": 1, "walls": 0}
+    facts = json.loads(sonata2d(mixed).output)
+    tracks = facts.pop("tracks")
+    assert facts == {"scenario": "mixed.json", "people": 2, "replayed": 1, "walls": 0}
+    assert (tracks["persons"], tracks["frames"], tracks["interval"], tracks["doubts"]) == (2, 12, 0.4, [])
     assert "already exists" in sonata2d("scenarios from-tracks street.csv -o street.yaml", code=2).output
     sonata2d("scenarios draw street.yaml --scenes 1 -o street.png")
     sonata2d("generate out --scenario street.yaml --episodes 1 --workers 1 --no-picture")
