@@ -123,6 +123,14 @@ def test_a_pedestrian_that_walks_into_a_standing_robot_is_at_fault() -> None:
     assert contacts[0].other_at_fault
 
 
+def test_a_contact_with_a_running_person_is_noted_in_the_tick_in_which_it_begins() -> None:
+    """At 2.4 m/s, whatever the desired speed of the person; the robot drives towards the person."""
+    scene = room([walker(1, 0.0, 0.0, math.pi, breadth=0.4, desired_speed=0.5, velocity=(-2.4, 0.0))])
+    robot = replace(scene.robot, pose=Pose(-0.2 - scene.robot.radius - 0.34, 0.0, 0.0))
+    snapshot = drive(World(replace(scene, robot=robot)), Twist(robot.limits.ahead), ticks=1)
+    assert [contact.kind for contact in snapshot.contacts] == ["human"]
+
+
 def test_a_robot_at_a_wall_reports_the_contact() -> None:
     world = World(room(robot=Pose(3.0, 0.0, 0.0)))
     snapshot = drive(world, Twist(vx=1.0), 15)
