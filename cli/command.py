@@ -96,8 +96,10 @@ class Command(click.Command):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         for param in self.params:  # click would write INTEGER RANGE
-            if param.metavar is None and isinstance(param.type, (click.IntRange, click.FloatRange)):
-                param.metavar = "N"
+            if isinstance(kind := param.type, (click.IntRange, click.FloatRange)):
+                param.metavar = param.metavar or "N"
+                bounds = f"{kind.min} or more" if kind.max is None else f"from {kind.min} to {kind.max}"
+                kind.name = f"{'whole ' if isinstance(kind, click.IntRange) else ''}number, {bounds}"
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         params = super().get_params(ctx)

@@ -381,6 +381,18 @@ def test_a_group_without_space_at_its_place_is_told_to_move(
     assert "groups.places" in output
 
 
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("generate out --episodes ten", "'ten' is not a valid whole number, 1 or more."),
+        ("evaluate out --resamples 2e3", "'2e3' is not a valid whole number, from 100 to 100000."),
+        ("render out -o x.gif --speed fast", "'fast' is not a valid number, from 0.05 to 50.0."),
+    ],
+)
+def test_a_word_in_place_of_a_number_is_told_the_range(sonata2d: Run, line: str, message: str) -> None:
+    assert message in sonata2d(line, code=2).output
+
+
 def test_a_misspelt_command_gets_a_suggestion(sonata2d: Run) -> None:
     assert "No such command 'generat'; did you mean 'generate'?" in sonata2d("generat out", code=2).output
     assert "No such command 'zzz'" in sonata2d("zzz", code=2).output

@@ -118,14 +118,15 @@ def outlines(case: Situation, at: Array, later: float = 0.0) -> list[tuple[Array
 
 
 def random_situation(rng: np.random.Generator, **rules: float) -> Situation:
-    """People and walls around the robot, none of which it overlaps with by more than 5 cm."""
+    """People, two walls and a disc around the robot, none of which it overlaps with by more than 5 cm."""
     people, walls = [], []
     while len(people) < 3:
         person = (*rng.uniform(-1, 1, 2), *rng.uniform(-2, 2, 2), rng.uniform(-3, 3), rng.uniform(0.1, 0.2), 0.1)
         if np.hypot(*person[:2]) > RADIUS + person[5] + 0.05:
             people.append(person)
     while len(walls) < 3:
-        wall = (*rng.uniform(-1.5, 1.5, 4), rng.choice([0.0, 0.1]))
+        start, end = rng.uniform(-1.5, 1.5, (2, 2))
+        wall = (*start, *(end if len(walls) < 2 else start), rng.choice([0.0, 0.1]))
         if outlines(situation(walls=[wall]), np.zeros(2))[0][1] > -0.05:
             walls.append(wall)
     velocity = tuple(rng.uniform(-1, 1, 2))
