@@ -125,7 +125,7 @@ def random_situation(rng: np.random.Generator, **rules: float) -> Situation:
         if np.hypot(*person[:2]) > RADIUS + person[5] + 0.05:
             people.append(person)
     while len(walls) < 3:
-        start, end = rng.uniform(-1.5, 1.5, (2, 2))
+        start, end = rng.uniform(-0.8, 0.8, (2, 2))
         wall = (*start, *(end if len(walls) < 2 else start), rng.choice([0.0, 0.1]))
         if outlines(situation(walls=[wall]), np.zeros(2))[0][1] > -0.05:
             walls.append(wall)
@@ -239,11 +239,11 @@ def test_contacts_and_faults_are_those_of_a_plain_loop(guard: int) -> None:
 def test_a_robot_without_guard_keeps_the_share_of_an_inelastic_collision(
     velocity: tuple[float, float], degrees: float, push: float
 ) -> None:
-    """A robot that moves at 1 m/s, and overlaps with a person after three quarters of the substep."""
-    angle = math.radians(degrees)
-    place = RADIUS + 0.15 + (0.75 * math.cos(angle) - velocity[0]) * H
-    case = situation([(place, 0.0, *velocity, 0.0, 0.15, 0.0)], guard=0)
-    _, share, is_reduced = drive(case, math.cos(angle), math.sin(angle))
+    """The robot overlaps with the person after three quarters of the substep; velocities in units of its speed."""
+    angle, speed = math.radians(degrees), 0.8
+    place = RADIUS + 0.15 + (0.75 * math.cos(angle) - velocity[0]) * speed * H
+    case = situation([(place, 0.0, velocity[0] * speed, velocity[1] * speed, 0.0, 0.15, 0.0)], guard=0)
+    _, share, is_reduced = drive(case, math.cos(angle) * speed, math.sin(angle) * speed)
     assert share == pytest.approx(push)
     assert not is_reduced
 
