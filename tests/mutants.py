@@ -56,7 +56,7 @@ class Subject(NamedTuple):
 SUBJECTS = {
     "check": Subject(
         "datasets/check/*.py",
-        "datasets/test_check.py datasets/test_motion.py datasets/test_replay.py datasets/test_shards.py archive",
+        "datasets/test_plausibility.py datasets/test_check.py datasets/test_replay.py datasets/test_shards.py archive",
     ),
     "guard": Subject(
         "sim/kernel/safety.py", "sim/test_guard.py sim/test_world.py sim/test_episode.py", interpreted=True

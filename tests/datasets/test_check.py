@@ -213,6 +213,16 @@ def test_an_unreadable_file_is_one_problem(tmp_path: Path) -> None:
     assert str(problem).startswith("odd.json: file: ")
 
 
+@pytest.mark.parametrize("missing", [19, 20, 21, 25])
+def test_of_many_problems_of_one_file_twenty_are_listed(episode: Path, missing: int) -> None:
+    problems = verify(rewrite(episode, set_value("groups", 0, "members", [2, 3, *range(100, 100 + missing)])))
+    assert len(problems) == min(missing, 21)
+    for number, problem in zip(range(100, 120), problems, strict=False):
+        assert str(problem) == f"by-hand.json: groups: member {number} of group 5 is not a human"
+    if missing > 20:
+        assert str(problems[20]) == f"by-hand.json: schema: {missing - 20} more problems"
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A data set of three episodes."""
@@ -242,6 +252,16 @@ def test_missing_and_extra_files_are_found(folder: Path) -> None:
     text = _text(verify(folder))
     assert "000001.json is listed but not in the folder" in text
     assert "000009.json is in the folder but not listed" in text
+
+
+def test_a_killed_run_is_one_problem(folder: Path) -> None:
+    """Episodes that it stored and that its manifest does not list yet; other files are named."""
+    (folder / "scrap.json").write_text("{}")
+    _rewrite(folder / "manifest.json", lambda manifest: manifest.update(files=manifest["files"][:1], complete=False))
+    text = _text(verify(folder))
+    assert "files: 2 episode files are not listed until `generate` with --resume has completed the data set" in text
+    assert "scrap.json is in the folder but not listed" in text
+    assert "000001.json is in the folder but not listed" not in text
 
 
 def test_an_edited_manifest_is_found(folder: Path) -> None:

@@ -337,6 +337,8 @@ def test_tracks_and_presence(tmp_path: Path) -> None:
     assert "off the recorded track" not in findings(tmp_path, of, follows, put("frames", 3, "humans", 0, 0, 2.0002))
     found = findings(tmp_path, of, follows, put("frames", 3, "humans", 0, 0, 2.0022))
     assert "frames.3.humans: human 1 is 0.002 m off the recorded track" in found
+    beside = put("frames", 3, "humans", 0, 1, 1.8022)
+    assert "frames.3.humans: human 1 is 0.002 m off the recorded track" in findings(tmp_path, of, follows, beside)
     for end, place in zip(ends, ("frames.0", "frames.6"), strict=True):
         appears = both(put(*end, "humans", 0, [2.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0]), put(*end, "activity", 0, 1))
         found = findings(tmp_path, of, follows, appears)

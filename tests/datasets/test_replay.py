@@ -118,8 +118,9 @@ def test_a_changed_number_is_reported_with_its_line(tmp_path: Path, busy: Scene)
     x = json.loads(tenth.rstrip(","))["robot"][0]
     path.write_text(text.replace(f'"robot":[{x}', f'"robot":[{x + 0.0001:.4f}', 1))
     (problem,) = check_replay(read_episode(path))
-    assert problem.message.startswith("line ")
-    assert f"[{x}" in problem.message
+    line = text.splitlines().index(tenth) + 1
+    assert problem.message.startswith(f"line {line} differs: recorded …")
+    assert f"[{x}" in problem.message.split("again")[1]
 
 
 def test_an_edited_file_that_is_formatted_otherwise_is_compared_by_its_content(tmp_path: Path, busy: Scene) -> None:
@@ -197,8 +198,22 @@ def test_code_and_weights_that_a_file_names_are_not_loaded(
     document["controller"] |= {"path": name, "settings": settings}
     path.write_text(json.dumps(document))
     (problem,) = check_rerun(read_episode(path))
-    assert f"the controller {name!r} is neither built in nor a plug-in" in problem.message
+    inner = "./evil.py:Evil' is" if "inner" in settings else f"the controller {name!r} is"
+    assert f"{inner} neither built in nor a plug-in, and code that a file names is not run" in problem.message
+    assert f"if you trust it, give --controller {name}" in problem.message
     assert not Path("was-run").exists()
+
+
+def test_a_plug_in_that_is_not_installed_is_named(tmp_path: Path, busy: Scene) -> None:
+    path = recorded(tmp_path / "run.json", busy, s2.StraightToGoal())
+    document = json.loads(path.read_bytes())
+    document["controller"]["path"] = "of-a-package"
+    path.write_text(json.dumps(document))
+    (problem,) = check_rerun(read_episode(path))
+    assert problem.message == (
+        "the controller 'of-a-package' is neither built in nor a plug-in of an installed package; install the package "
+        "that provides it"
+    )
 
 
 @pytest.mark.parametrize("name", ["straight-to-goal", "sonata2d.agents.controllers.reactive:StraightToGoal"])

@@ -347,7 +347,15 @@ def damaged(path: Path, at: int) -> None:
         (lambda out: (out / "shard-000007.tar").write_bytes(b""), "shard-000007.tar is in the folder but not listed"),
         (lambda out: edit(out / "manifest.json", episodes=26), "shards: have 25 episodes, and not 26"),
         (lambda out: edit(out / "shard-000001.manifest.json", seed=6), "shard-000001.manifest.json: seed: differs"),
-        (lambda out: edit(out / "manifest.json", split={"train": 25}), "split: is {'train': 25}, but the"),
+        (
+            lambda out: edit(out / "manifest.json", split={"train": 25}),
+            "split: is {'train': 25}, but the shards give none; split the data set again",
+        ),
+        (lambda out: edit(out / "manifest.json", complete=False), "complete: 25 of 25 episodes exist; generate"),
+        (
+            lambda out: edit(out / "manifest.json", keep=["goal"], left_out={"timeout": 3}),
+            "left_out: is {'timeout': 3}, but the shards give none",
+        ),
         (lambda out: shortened(out / "shard-000001.manifest.json"), "lists 9 episodes, and the data set 10"),
         (lambda out: append(out / "shard-000001.tar"), "more.json is in the shard but not listed"),
     ],
