@@ -42,6 +42,7 @@ with atheris.instrument_imports(include=["sonata2d"]):
         importlib.import_module(module)
 
 MAX_BYTES = 1 << 20  # of an input
+MAX_SECONDS = 60.0  # of processor time; scenes are sampled by interpreted kernels
 _CORPUS, _FAILURES = Path("fuzz-corpus"), Path("fuzz-failures")
 
 
@@ -77,7 +78,7 @@ def main() -> None:
         (work / path).write_bytes(data[1:])
         os.chdir(work)
         try:
-            with time_limit():
+            with time_limit(MAX_SECONDS):
                 this.uses[len(data) % len(this.uses)](work / path)
         except (Refusal, Sonata2dError, click.ClickException) as error:
             status, detail = judged(error)

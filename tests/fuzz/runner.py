@@ -133,14 +133,14 @@ def _described(error: BaseException) -> str:
 
 
 @contextmanager
-def time_limit() -> Iterator[None]:
-    """Raise OutOfTimeError after MAX_SECONDS of processor time; wall time depends on what else the machine does."""
+def time_limit(seconds: float = MAX_SECONDS) -> Iterator[None]:
+    """Raise OutOfTimeError after so many seconds of processor time; wall time depends on what else the machine does."""
 
     def stop(number: int, frame: object) -> None:
         raise OutOfTimeError
 
     before = signal.signal(signal.SIGPROF, stop)
-    signal.setitimer(signal.ITIMER_PROF, MAX_SECONDS)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         yield
     finally:
