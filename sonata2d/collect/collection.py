@@ -174,7 +174,7 @@ class Collection:
             The paths of the deleted files.
 
         Raises:
-            RecordError: a file cannot be deleted.
+            RecordError: a file cannot be deleted, or the manifest, which names the runs, cannot be written.
         """
         # Ids may contain dots and underscores: the pattern of one contributor must not match files of another.
         run = re.compile(re.escape(self.journal.stem) + r"__\d{8}T\d{6}Z__.+")
@@ -196,7 +196,7 @@ class Collection:
         except OSError as error:
             raise RecordError(f"{error.filename} cannot be deleted: {error.strerror}") from error
         self._kept_paths = []
-        self._rows = self._write_manifest({})
+        self._rows = self._write_manifest({}, is_required=True)
         return sorted(paths)
 
     def log(self, **facts: Any) -> None:
@@ -231,13 +231,14 @@ class Collection:
             raise
         return path
 
-    def _write_manifest(self, known: dict[str, JsonDict]) -> dict[str, JsonDict]:
+    def _write_manifest(self, known: dict[str, JsonDict], *, is_required: bool = False) -> dict[str, JsonDict]:
         """Write manifest and card for all runs in the folder, and return the manifest rows by file name.
 
         A write error is only a warning, because the runs themselves are stored; the next run writes the manifest again.
 
         Args:
             known: rows that need not be read again.
+            is_required: whether a write error is raised.
         """
         rows: dict[str, JsonDict] = {}
         try:
@@ -249,7 +250,7 @@ class Collection:
                 write_manifest_and_card(self.folder, manifest)
         except RecordError as error:
             rows = rows or _read_rows(self.folder, known)
-            if not rows:
+            if is_required or not rows:
                 raise
             logger.warning("%s; the next run writes the manifest again", error)
         self.kept = sum(row["contributor"] == self.contributor for row in rows.values())

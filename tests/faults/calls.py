@@ -28,9 +28,14 @@ from sonata2d.collect.json_lines import append_line
 from sonata2d.collect.session import Session
 from sonata2d.core.devices import DeviceEvent
 from sonata2d.datasets import merge_datasets, mirror_dataset, split_dataset, verify, write_card
-from sonata2d.errors import RecordError, Sonata2dError
+from sonata2d.errors import ConfigError, RecordError, Sonata2dError
 from sonata2d.formats import export_to
+from sonata2d.study.folder import StudyFolder
+from sonata2d.study.load import load_study
+from sonata2d.study.participant import Participant
+from sonata2d.study.removal import remove_participant
 
+from ..study.conftest import NOW, ROOM, STUDY, drive, prepare, rate_all
 from .commands import contents
 from .disk import Disk, PowerCut
 from .table import Row
@@ -147,6 +152,22 @@ def _kept_runs(folder: Path) -> object:
     return len(list((folder / "out").glob("zoe__*.json")))
 
 
+def _remove(folder: Path) -> None:
+    """Remove a participant, unless that is done."""
+    with suppress(ConfigError):
+        remove_participant(folder / "study", "p1")
+
+
+def _harmed(folder: Path) -> str:
+    """What is wrong with the study of the other participant, whose data are as before."""
+    problems = verify(folder / "study")
+    kept = [path for path in (folder / "study").rglob("p2*") if path.suffix != ".lock"]
+    missing = 6 - len(kept)  # practice, two runs, answers, personal answers, ratings
+    expected = ("files", "complete", "counts")
+    found = [str(problem) for problem in problems if not problem.is_warning and problem.place not in expected]
+    return "; ".join([*found, *([f"{missing} files of p2 are missing"] if missing else [])])
+
+
 def _export(folder: Path, name: str) -> None:
     if refused := export_to(folder / "a", name, folder / "out").refused:
         raise RecordError(str(refused[0]))  # as the command says it
@@ -168,6 +189,7 @@ TRIALS = (
     Trial("keep, repeated", _keep_again, _keep_recovered, judge=_damage, result=_kept_runs, warns=True),
     Trial("undo", _undo, _keep_recovered, judge=_damage, result=_kept_runs, warns=True),
     Trial("line, repeated", _append_again, _append_missing, judge=_lost_line, result=_lines, warns=True),
+    Trial("remove", lambda folder: remove_participant(folder / "study", "p1"), _remove, judge=_harmed),
     Trial("merge", lambda folder: merge_datasets([folder / "a", folder / "b"], folder / "out"), judge=_damage),
     Trial("mirror", lambda folder: mirror_dataset(folder / "a", folder / "out"), judge=_damage),
     Trial("split", lambda folder: split_dataset(folder / "a", {"train": 1, "test": 1})),
@@ -178,9 +200,21 @@ TRIALS = (
 
 
 def create_sets(folder: Path) -> Path:
-    """Create the data sets `a` and `b`, and return their folder."""
+    """Create the data sets `a` and `b`, and `study` with two participants, and return their folder."""
     for name, seed in (("a", 1), ("b", 2)):
         s2.generate_dataset(folder / name, _SCENARIO, "straight-to-goal", episodes=2, seed=seed)
+    (folder / "room.yaml").write_text(ROOM)
+    path = folder / "study.yaml"
+    path.write_text(STUDY.replace("folder: recorded, count: 3", "folder: a, count: 2"))
+    for id in ("p1", "p2"):
+        participant = Participant(StudyFolder(folder / "study", load_study(path)), id, now=lambda: NOW)
+        prepare(participant)
+        for number in (1, 2):
+            drive(participant)
+            participant.keep(0.5)
+            participant.answer(f"after-run-{number}", {"effort": 1})
+        rate_all(participant)
+        participant.close()
     return folder
 
 
@@ -281,11 +315,11 @@ def _copy(sets: Path) -> Iterator[Path]:
 
 
 def _result(trial: Trial, folder: Path) -> Any:
-    """The files to compare with those of an undisturbed run, without run log, locks and temporary files."""
+    """The files to compare with those of an undisturbed run, without run log, locks, temporary files, secret links."""
     if trial.result is not None:
         return trial.result(folder)
     found = contents(folder).items()
-    return {name: value for name, value in found if not re.search(r"(^|/)\.|\.lock$", name)}
+    return {name: value for name, value in found if not re.search(r"(^|/)\.|\.lock$|/links\.json$", name)}
 
 
 def _difference(found: Any, expected: Any) -> str:
