@@ -8,8 +8,9 @@
 | `interactions` | interaction in a frame | src, relation, dst |
 
 A README.md with a `configs` header is written beside the tables: `datasets.load_dataset(folder, "agents")` uses it to
-find a table. With a size of shards each table is in several files, `agents-00000.parquet` and so on, each with the rows
-of that many episodes. pyarrow is imported only when it is needed.
+find a table. It does not name tables without rows, which `datasets` cannot load. With a size of shards each table is in
+several files, `agents-00000.parquet` and so on, each with the rows of that many episodes. pyarrow is imported only when
+it is needed.
 """
 
 from __future__ import annotations
@@ -132,12 +133,22 @@ def finish(out: Path, parts: int) -> list[Path]:
     for name in TABLES if parts else ():
         delete(out / f"{name}.parquet")
     ending = "-*.parquet" if parts else ".parquet"
-    configs = "".join(f'- config_name: {name}\n  data_files: "{name}{ending}"\n' for name in TABLES)
+    _, pq = _pyarrow()
+    files = [file for file in sorted(file_names(out)) if file.endswith(".parquet")]
+    # `datasets` loads no table without rows
+    named = [name for name in TABLES if any(_has_rows(pq, out / file) for file in files if file.startswith(name))]
+    configs = "".join(f'- config_name: {name}\n  data_files: "{name}{ending}"\n' for name in named)
     # the description of the tables is the table of this module's docstring
     description = [line for line in (__doc__ or "").splitlines() if line.startswith("|")]
     lines = [f"---\nconfigs:\n{configs}---", "# Episodes of sonata2d as tables", "", *description, ""]
     write_atomically(out / "README.md", "\n".join(lines).encode())
     return [out / "README.md"]
+
+
+def _has_rows(pq: Any, path: Path) -> bool:
+    """Whether a file of a table has rows."""
+    with path.open("rb") as file:
+        return bool(pq.read_metadata(file).num_rows)
 
 
 @contextmanager

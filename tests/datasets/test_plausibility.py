@@ -324,6 +324,15 @@ def test_overlaps_of_several_people_are_told_apart(tmp_path: Path) -> None:
     assert "human 2 is" not in text
 
 
+@pytest.mark.parametrize(("x", "found"), [(2.391, False), (2.388, True)])
+def test_overlap_of_shoulders(tmp_path: Path, x: float, found: bool) -> None:
+    """Side by side; each body is 0.45 m broad."""
+    beside = everywhere("humans", 1, [x, 2.0, 1.5708, 0.0, 0.0, 0.0, 1.5708])
+    text = findings(tmp_path, sample(), beside)
+    assert ("human 1 is 0.002 m too deep in human 2 (the worst of 7 ticks)" in text) == found
+    assert ("too deep" in text) == found
+
+
 def test_tracks_and_presence(tmp_path: Path) -> None:
     """A pedestrian walks on a track from tick 1 to tick 5."""
     track = tuple((2.0, round(2.0 - 0.1 * k, 4)) for k in range(5))

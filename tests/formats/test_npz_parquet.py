@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -139,6 +140,8 @@ def test_a_table_without_rows_has_no_row_group(tmp_path: Path) -> None:
     for name in names[1:]:
         assert (tables[name].num_row_groups, tables[name].read().num_rows) == (0, 0)
         assert "episode_id" in tables[name].schema_arrow.names
+    configs = re.findall("config_name: (.*)", (tmp_path / "tables/README.md").read_text())
+    assert configs == ["episodes", "frames"]  # `datasets` loads no table without rows
 
 
 def test_missing_pyarrow_names_the_package_to_install(
