@@ -146,6 +146,7 @@ LAYOUTS = [
     Layout("commas.csv", decimal_commas, {"frame_rate": 25}),
     Layout("utf16.csv", utf16, {"frame_rate": 25}),
     Layout("times.csv", table("t,id,x,y", "{t:.2f},{p},{x},{y}")),
+    Layout("since-1970.csv", table("timestamp_ms,id,x,y", "170000000{t:.1f}e3,{p},{x},{y}")),
     Layout("millis.tsv", table("timestamp [ms]\tid\tx_mm\ty_mm", "{t:.1f}e3\t{p}\t{x:.1f}\t{y:.1f}", unit=0.001)),
     Layout("both.csv", table("frame, t, id, y, x, z", "{f}, {t:.1f}, {p}, {y}, {x}, 1.7")),
     Layout("units.csv", table('"t","id","x","y"\n"s","","m","m"', '{t:.1f},{p},{x},{y}')),

@@ -79,6 +79,8 @@ def read_observations(text: str, columns: Sequence[str] | None) -> Observations:
             raise ValueError(f"row {number} has {len(row)} cells, not the {width} of {shown}")
     cells = {role: [row[place] for row in table.rows] for role, place in places.items()}
     numbers = {role: _numbers(cells[role], role) for role in ("frame", "x", "y", "t") if role in cells}
+    if "t" in numbers and np.isfinite(first := np.nanmin(numbers["t"], initial=np.inf)):
+        numbers["t"] = numbers["t"] - first  # milliseconds since 1970 are large numbers
     require_bounded(np.stack([*numbers.values()]), ", ".join(numbers))
     for number, name in enumerate(cells["ped"], 1):
         if name.lower() in _ABSENT:
