@@ -56,7 +56,8 @@ class Subject(NamedTuple):
 SUBJECTS = {
     "check": Subject(
         "datasets/check/*.py",
-        "datasets/test_plausibility.py datasets/test_check.py datasets/test_replay.py datasets/test_shards.py archive",
+        "datasets/test_plausibility.py datasets/test_check.py datasets/test_replay.py datasets/test_shards.py archive "
+        "cli/test_bad_input.py::test_rerun_says_that_the_code_has_changed",
     ),
     "guard": Subject(
         "sim/kernel/safety.py", "sim/test_guard.py sim/test_world.py sim/test_episode.py", interpreted=True

@@ -247,6 +247,17 @@ def test_an_edited_file_is_found_by_its_hash(folder: Path) -> None:
     assert (problem.file, problem.place) == ("000001.json", "sha256")
 
 
+@pytest.mark.parametrize("digit", ["0", "f"])
+def test_the_hash_of_a_file_that_cannot_be_read_is_compared_too(folder: Path, digit: str) -> None:
+    rewrite(folder / "000001.json", set_value("seed", 1.5))
+    _rewrite(folder / "manifest.json", set_value("files", 1, "sha256", digit * 64))
+    problems = verify(folder)
+    assert [(problem.file, problem.place) for problem in problems] == [
+        ("000001.json", "sha256"),
+        ("000001.json", "seed"),
+    ]
+
+
 def test_missing_and_extra_files_are_found(folder: Path) -> None:
     (folder / "000001.json").rename(folder / "000009.json")
     text = _text(verify(folder))
