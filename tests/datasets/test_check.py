@@ -330,6 +330,20 @@ def test_files_that_repeat_the_manifest_are_compared_with_it(folder: Path) -> No
     assert "croissant.json: file: is not valid Croissant metadata" in _text(verify(folder))
 
 
+def test_a_split_has_each_file_once(folder: Path) -> None:
+    first, second, third = (f"00000{k}.json" for k in range(3))
+    for parts, message in (
+        ({"train": [first, second], "test": [third]}, ""),
+        ({"train": [first, second], "test": [second, third]}, f"split: {second} is in two parts, or is not a listed"),
+        ({"train": [first, second, third], "test": ["9.json"]}, "split: 9.json is in two parts, or is not a listed"),
+        ({"train": [first], "test": [third]}, f"split: {second} is in no part (1 files in all); split the data set"),
+    ):
+        _rewrite(folder / "manifest.json", set_value("split", parts))
+        problems = [str(problem) for problem in verify(folder) if problem.place == "split"]
+        assert len(problems) == bool(message)
+        assert message in "".join(problems)
+
+
 def test_croissant_metadata_do_not_lead_out_of_the_folder(folder: Path, tmp_path: Path) -> None:
     write_card(folder)
     (tmp_path / "secret").write_text("x")
