@@ -351,6 +351,10 @@ def damaged(path: Path, at: int) -> None:
             lambda out: edit(out / "manifest.json", split={"train": 25}),
             "split: is {'train': 25}, but the shards give none; split the data set again",
         ),
+        (
+            lambda out: edit(out / "manifest.json", shards=[shards_of(out)[0], *shards_of(out)]),
+            "shards: lists shard-000000.tar more than once",
+        ),
         (lambda out: edit(out / "manifest.json", complete=False), "complete: 25 of 25 episodes exist; generate"),
         (
             lambda out: edit(out / "manifest.json", keep=["goal"], left_out={"timeout": 3}),
@@ -372,6 +376,12 @@ def test_check_finds_damage_of_shards(sharded: Path, tmp_path: Path, damage: Any
 
 def edit(path: Path, **values: Any) -> None:
     path.write_bytes(orjson.dumps(orjson.loads(path.read_bytes()) | values))
+
+
+def shards_of(folder: Path) -> list[Any]:
+    """The shards that a manifest lists."""
+    shards: list[Any] = orjson.loads((folder / "manifest.json").read_bytes())["shards"]
+    return shards
 
 
 def shortened(path: Path) -> None:
