@@ -252,7 +252,7 @@ def _faults_at_end(file: IO[bytes], block: bytes, position: int) -> Iterator[str
         yield "it is empty"
     elif len(block) < _BLOCK or len(second := file.read(_BLOCK)) < _BLOCK:
         yield "it has no end mark, two blocks of zeros: it was cut" if position else "it is not a tar file"
-    elif any(second) or any(any(piece) for piece in iter(partial(file.read, 1 << 16), b"")):
+    elif any(second) or any(piece != bytes(len(piece)) for piece in iter(partial(file.read, 1 << 20), b"")):
         yield "data follow its end mark, which are not read; `tar --concatenate` joins tar files"
 
 
