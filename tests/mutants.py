@@ -119,19 +119,22 @@ def survives(folder: Path, mutant: Mutant, subject: Subject) -> bool:
     original = path.read_bytes()
     path.write_text(mutant.code, "utf-8")
     try:
-        return passes(folder, subject)
+        return passes(folder, subject, path.stem)
     finally:
         path.write_bytes(original)
 
 
-def passes(folder: Path, subject: Subject) -> bool:
-    """Whether the tests of a subject pass in a copy of the repository."""
+def passes(folder: Path, subject: Subject, module: str = "") -> bool:
+    """Whether the tests of a subject pass in a copy of the repository; those that are named as `module` run first."""
+    tests = [folder / "tests" / name for name in subject.tests.split()]
+    files = [file for test in tests for file in (sorted(test.glob("test_*.py")) if test.is_dir() else [test])]
+    files.sort(key=lambda file: not module or module not in file.name)
     environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
     environment["NUMBA_CACHE_DIR"] = str(folder / ".kernels")
     if subject.interpreted:
         environment["NUMBA_DISABLE_JIT"] = "1"
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-n", "0"]
-    command += [f"tests/{name}" for name in subject.tests.split()]
+    command += map(str, files)
     # A session of its own, so that the processes that a test started end with it.
     process = subprocess.Popen(
         command, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, process_group=0
