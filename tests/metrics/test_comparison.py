@@ -123,6 +123,15 @@ def test_a_comparison_is_saved(compared: s2.Comparison, name: str, tmp_path: Pat
         assert (tmp_path / name).read_text().count("driven by tests.metrics.test_comparison:Ahead") >= 2
 
 
+def test_a_page_shows_the_selected_metrics_only(tmp_path: Path) -> None:
+    pages = []
+    for metrics in (["spl", "time_to_goal"], None):
+        s2.evaluate(Ahead(0.8), SHORT, episodes=2, seed=4, metrics=metrics).save(tmp_path / "a.html")
+        pages.append((tmp_path / "a.html").read_text())
+    assert ["jerk_mean" in page for page in pages] == [False, True]
+    assert ["time_to_goal" in page for page in pages] == [True, True]
+
+
 def test_another_suffix_is_refused(compared: s2.Comparison, tmp_path: Path) -> None:
     with pytest.raises(RenderError, match=r"must end in .html or .json"):
         compared.save(tmp_path / "a.gif")

@@ -117,6 +117,7 @@ DOOR = (Wall((0.0, -4.0), (0.0, -0.5)), Wall((0.0, 0.5), (0.0, 4.0)))  # a gap o
         (AHEAD, line((3.0, 1.0), (-0.03, 0.0), COUNT), True),  # it comes to the doorway and lets the robot pass
         (AHEAD, stay(1.5, 1.0, COUNT), False),  # it was there from the beginning
         (line((-4.0, 1.0), (0.03, 0.0), COUNT), line((4.0, 1.0), (-0.03, 0.0), COUNT), False),  # nobody passes
+        (stay(-0.6, 0.0, COUNT), line((3.0, 1.0), (-0.03, 0.0), COUNT), False),
         (line((4.0, 1.5), (-0.03, 0.0), COUNT), line((4.0, 0.0), (-0.1, 0.0), COUNT), False),  # on the same side
     ],
 )
