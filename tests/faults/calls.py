@@ -35,7 +35,7 @@ from sonata2d.study.load import load_study
 from sonata2d.study.participant import Participant
 from sonata2d.study.removal import remove_participant
 
-from ..study.conftest import NOW, ROOM, STUDY, drive, prepare, rate_all
+from ..study.conftest import NOW, ROOM, STUDY, take_part
 from .commands import contents
 from .disk import Disk, PowerCut
 from .table import Row
@@ -208,12 +208,7 @@ def create_sets(folder: Path) -> Path:
     path.write_text(STUDY.replace("folder: recorded, count: 3", "folder: a, count: 2"))
     for id in ("p1", "p2"):
         participant = Participant(StudyFolder(folder / "study", load_study(path)), id, now=lambda: NOW)
-        prepare(participant)
-        for number in (1, 2):
-            drive(participant)
-            participant.keep(0.5)
-            participant.answer(f"after-run-{number}", {"effort": 1})
-        rate_all(participant)
+        take_part(participant)
         participant.close()
     return folder
 

@@ -102,4 +102,14 @@ def rate_all(participant: Participant) -> int:
     return count
 
 
+def take_part(participant: Participant) -> None:
+    """Do all steps up to the questions at the end."""
+    prepare(participant)
+    for number in (1, 2):
+        drive(participant)
+        participant.keep(0.5)
+        participant.answer(f"after-run-{number}", {"effort": 1})
+    rate_all(participant)
+
+
 WARMTH = dict.fromkeys(("happy", "feeling", "social", "organic", "compassionate", "emotional"), 4)

@@ -25,7 +25,7 @@ from sonata2d.study.questions import Number
 from sonata2d.study.removal import remove_participant
 from sonata2d.study.report import _score_rows, results_of, save_results, table_of
 
-from .conftest import NOW, STUDY, WARMTH, drive, prepare, rate_all
+from .conftest import NOW, STUDY, WARMTH, drive, prepare, rate_all, take_part
 
 Arrive = Callable[..., Participant]
 
@@ -417,12 +417,7 @@ def test_a_participant_who_withdraws_is_deleted(arrive: Arrive, tmp_path: Path) 
     out, kept = tmp_path / "out", {}
     for id in ("p1", "p1__2"):
         participant = arrive(id)
-        prepare(participant)
-        for number in (1, 2):
-            drive(participant)
-            participant.keep(0.5)
-            participant.answer(f"after-run-{number}", {"effort": 1})
-        rate_all(participant)
+        take_part(participant)
         participant.close()
         kept[id] = {path for path in out.rglob("*") if path.is_file()} - {*kept.get("p1", ())}
     evaluate([out]).save_metrics()
