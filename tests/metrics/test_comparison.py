@@ -76,6 +76,7 @@ def test_recorded_episodes_are_evaluated_and_stay_as_they_are(tmp_path: Path) ->
     result = s2.evaluate({"all": dataset, "some": dataset[:2], "file": dataset.files[0]}, rerun=False)
     assert [len(one.episodes) for one in result] == [3, 2, 1]
     assert result["file"].episodes[0] == result["all"].episodes[0]
+    assert result.datasets["all"] is dataset
     assert sorted(path.name for path in dataset.path.iterdir()) == before
     assert s2.evaluate(dataset.path, rerun=False)[0].label == str(dataset.path)
     mixed = s2.evaluate({"recorded": dataset, "run": Ahead}, SHORT, episodes=3, rerun=False)
