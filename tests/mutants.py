@@ -4,8 +4,8 @@
     python -m tests.mutants metrics --count 150 --seed 1
 
 Cosmic Ray makes the changes (other operators, comparisons and numbers, negated conditions, loops without iterations);
-each runs the tests of its subject in a copy of the repository. Changes of annotations, decorators and names of
-caught exceptions are left out.
+each runs the tests of its subject in a copy of the repository. Changes of annotations, of decorators of classes
+and of names of caught exceptions are left out.
 """
 
 from __future__ import annotations
@@ -101,12 +101,14 @@ def mutants_of(paths: list[Path], rng: Random) -> Iterator[Mutant]:
 
 
 def _meaning(code: str) -> str | None:
-    """The syntax tree without annotations, which are not evaluated; None if the code has none."""
+    """The syntax tree without annotations and decorators of classes; None if the code has none."""
     try:
         tree = ast.parse(code)
     except SyntaxError:
         return None
     for node in ast.walk(tree):
+        if isinstance(node, ast.ClassDef):
+            node.decorator_list = []
         for name in ("annotation", "returns"):
             if getattr(node, name, None) is not None:
                 setattr(node, name, ast.Constant(None))

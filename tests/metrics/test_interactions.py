@@ -71,6 +71,14 @@ def test_group_intrusion_of_three_is_in_their_triangle() -> None:
     assert value("group_intrusion", scene, stay(-1.4, 0.0, 4), people) == 0.0
 
 
+@pytest.mark.parametrize("sense", [1, -1])
+def test_group_intrusion_in_a_small_triangle_in_either_sense(sense: int) -> None:
+    """Sides of 1.2 m: the centre is 0.346 m from each, beyond the robot's radius."""
+    corners = [(1.2 / math.sqrt(3.0) * math.cos(a), 1.2 / math.sqrt(3.0) * math.sin(a)) for a in (0.0, 2.0944, 4.1888)]
+    scene, people = talking(*corners[::sense])
+    assert value("group_intrusion", scene, stay(0.0, 0.0, 4), people) == 1.0
+
+
 def test_group_intrusion_of_six_is_in_their_hexagon() -> None:
     """A hexagon of radius 1 m: its side is at x = 0.866, so the robot's outline meets it up to x = 1.166."""
     corners = [(math.sin(k * math.pi / 3), math.cos(k * math.pi / 3)) for k in range(6)]

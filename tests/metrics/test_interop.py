@@ -84,6 +84,15 @@ def test_hunavsim_counts_states_and_attributes_by_bearings(facing: float, by_rob
     assert value("robot_on_person", *episode) == 1.0
 
 
+def test_hunavsim_collisions_of_equal_speeds_need_equal_angles() -> None:
+    """Robot and person touch and move alike; |α| is π for a person who faces away, and π/2 for one who faces left."""
+    for facing, count in ((0.0, 0.0), (math.pi / 2, 5.0)):
+        people = [line((0.5, 0.0), (1 / 64, 0.0), 5, facing)]  # numbers without rounding errors
+        for name in ("robot_on_person", "person_on_robot"):
+            found = value(f"hunavsim.{name}_collision", ONE_PERSON, line((0.0, 0.0), (1 / 64, 0.0), 5), people)
+            assert found == count
+
+
 def test_hunavsim_groups_have_their_centre_ahead_of_their_members() -> None:
     """Two people face each other at 2 m: the mean of the points 1.5 m ahead of each is the middle. The robot's outline
     is 0.4 m from it.
