@@ -10,11 +10,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
 
 import sonata2d as s2
 from sonata2d.errors import ConfigError, ControllerError, MetricError, RecordError, RenderError
 from sonata2d.metrics import METRICS
+from sonata2d.metrics.summary import bootstrap_interval
+
+from .samples import evaluation
 
 SHORT = s2.ScenarioConfig(name="short", humans=2, rules={"time_limit": 3.0})
 
@@ -109,6 +113,28 @@ def test_tables(compared: s2.Comparison) -> None:
     other = compared.to_polars()
     assert other["label"].to_list() == frame["label"].tolist()
     assert other["time_to_goal"].null_count() == frame["time_to_goal"].isna().sum() > 0
+
+
+def test_differences_are_from_the_first_evaluation(compared: s2.Comparison) -> None:
+    document = compared.to_json()
+    assert [(each["of"], each["from"]) for each in document["differences"]] == [("fast", "slow"), ("named", "slow")]
+    settings = document["evaluations"][1]["bootstrap"]
+    values = np.array([episode.values["path_length"] for episode in compared["fast"].episodes], dtype=float)
+    stated = document["evaluations"][1]["summary"]["all"]["path_length"]
+    interval = bootstrap_interval(values, **settings)
+    assert interval == (stated["low"], stated["high"])
+
+
+@pytest.mark.parametrize("count", [19, 20, 21])
+def test_fewer_than_20_episodes_are_noted(count: int) -> None:
+    comparison = s2.Comparison({}, [evaluation("a", *np.full(count, 0.5))], [METRICS["spl"]], is_selected=True)
+    assert ("intervals of fewer than 20 episodes are too narrow" in comparison.notes()) == (count < 20)
+
+
+def test_notes_name_the_scenes_in_common_with_the_first() -> None:
+    evaluations = [evaluation("a", 0.1, 0.2, 0.3), evaluation("b", 0.1, 0.2), evaluation("c", 0.5)]
+    notes = s2.Comparison({}, evaluations, [METRICS["spl"]], is_selected=True).notes()
+    assert "differences are over the scenes in common with a: 2 of b, 1 of c" in notes
 
 
 def test_a_notebook_shows_a_table(compared: s2.Comparison) -> None:

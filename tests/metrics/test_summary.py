@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from sonata2d.metrics.evaluation import Evaluation
-from sonata2d.metrics.summary import bootstrap_interval, differences, summarise, wilson_interval
+from sonata2d.metrics.summary import _resampled, bootstrap_interval, differences, summarise, wilson_interval
 
 from .samples import evaluation, measured
 
@@ -32,6 +32,11 @@ def test_interval_of_many_values_is_that_of_the_normal_distribution() -> None:
     assert interval is not None
     half = 1.96 * values.std() / 20.0
     assert interval == pytest.approx((values.mean() - half, values.mean() + half), abs=0.03)
+
+
+def test_resamples_draw_each_value_as_often() -> None:
+    drawn = np.bincount(_resampled(4, 5000, 0).ravel())
+    assert drawn == pytest.approx(np.full(4, 5000), rel=0.05)
 
 
 @settings(max_examples=30)
