@@ -17,7 +17,7 @@ from filelock import FileLock
 
 from ..core.files.locations import explained
 from ..core.files.locking import acquired_lock
-from ..core.files.whole_file import sync_folder
+from ..core.files.whole_file import delete_for_good, sync_folder
 from ..core.geometry import PRECISION
 from ..core.wording import shown
 from ..datasets.card.write import write_manifest_and_card
@@ -187,8 +187,7 @@ class Collection:
                 for path in (place.iterdir() if place.is_dir() else ())
                 if name.fullmatch(path.name)
             ]
-            for path in paths:
-                path.unlink()
+            delete_for_good(paths, (place for place, _ in places))
             log = self.folder / LOG
             lines = read_bytes(log).splitlines(keepends=True) if log.exists() else []
             contributor = orjson.dumps({"contributor": self.contributor})[1:-1]

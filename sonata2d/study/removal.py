@@ -6,8 +6,9 @@ from pathlib import Path
 
 from ..collect.collection import Collection
 from ..collect.rating import path_for
+from ..core.files.whole_file import delete_for_good
 from ..datasets.manifest import METRICS
-from ..errors import ConfigError, RecordError
+from ..errors import ConfigError
 from ..record.files import safe_stem
 from .export import unfinished_exports
 from .folder import ANSWERS, PERSONAL, RATED, STUDY, locked, read_state, write_state
@@ -46,13 +47,9 @@ def remove_participant(out: str | Path, id: str) -> list[Path]:
         others = [path_for(block, id) for block in blocks]
         others += [out / STUDY / name / f"{safe_stem(id)}.jsonl" for name in (ANSWERS, PERSONAL)]
         others += [collection.journal.with_suffix(".lock"), out / METRICS, *unfinished_exports(out)]
-        try:
-            for path in others:
-                if path.exists():
-                    path.unlink()
-                    paths.append(path)
-        except OSError as error:
-            raise RecordError(f"{error.filename} cannot be deleted: {error.strerror}") from error
+        present = [path for path in others if path.exists()]
+        delete_for_good(present, {path.parent for path in others})  # before the state says that they are gone
+        paths += present
         Links(out / STUDY).remove(id)
         state = read_state(out)
         write_state(out, state | {"withdrawn": [*state["withdrawn"], id]})

@@ -153,9 +153,16 @@ def _kept_runs(folder: Path) -> object:
 
 
 def _remove(folder: Path) -> None:
+    remove_participant(folder / "study", "p1")
+    with suppress(OSError):
+        (folder / "next").mkdir()  # a call after it, at which the power is cut
+
+
+def _remove_again(folder: Path) -> None:
     """Remove a participant, unless that is done."""
     with suppress(ConfigError):
         remove_participant(folder / "study", "p1")
+    (folder / "next").mkdir(exist_ok=True)
 
 
 def _harmed(folder: Path) -> str:
@@ -189,7 +196,7 @@ TRIALS = (
     Trial("keep, repeated", _keep_again, _keep_recovered, judge=_damage, result=_kept_runs, warns=True),
     Trial("undo", _undo, _keep_recovered, judge=_damage, result=_kept_runs, warns=True),
     Trial("line, repeated", _append_again, _append_missing, judge=_lost_line, result=_lines, warns=True),
-    Trial("remove", lambda folder: remove_participant(folder / "study", "p1"), _remove, judge=_harmed),
+    Trial("remove", _remove, _remove_again, judge=_harmed),
     Trial("merge", lambda folder: merge_datasets([folder / "a", folder / "b"], folder / "out"), judge=_damage),
     Trial("mirror", lambda folder: mirror_dataset(folder / "a", folder / "out"), judge=_damage),
     Trial("split", lambda folder: split_dataset(folder / "a", {"train": 1, "test": 1})),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from uuid import uuid4
 
+from ...errors import RecordError
 from .locations import is_remote, location, put_file
 
 TEMPORARY_PREFIX = ".sonata2d-"  # of the names of incomplete files
@@ -60,3 +61,20 @@ def sync_folder(folder: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def delete_for_good(paths: Iterable[Path], folders: Iterable[Path]) -> None:
+    """Delete files, so that a power cut brings none of them back, nor any that were deleted in the folders before.
+
+    Raises:
+        RecordError: a file cannot be deleted, or a folder cannot be flushed to disk.
+    """
+    place = Path()
+    try:
+        for place in paths:
+            place.unlink()
+        for place in folders:
+            if place.is_dir():
+                sync_folder(place)
+    except OSError as error:
+        raise RecordError(f"{place} cannot be deleted: {error.strerror}") from error
