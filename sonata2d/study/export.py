@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import secrets
 import zipfile
 from collections.abc import Iterator
@@ -10,6 +9,7 @@ from pathlib import Path
 
 from ..collect.collection import DISCARDED
 from ..core.files.reading import require_readable
+from ..core.files.whole_file import TEMPORARY_PREFIX, whole_file
 from ..datasets.manifest import CARD, CROISSANT, LOG, MANIFEST, SCENARIO, read_manifest
 from ..errors import RecordError
 from .folder import ANSWERS, LOCK, PERSONAL, PICTURES, RATED, STUDY, read_state, require_outside
@@ -41,22 +41,18 @@ def export_study(out: str | Path, file: str | Path, *, personal: bool = False) -
 
 def write_archive(out: Path, file: Path, *, personal: bool) -> Path:
     """Write the archive of `export_study` to any path; the server writes temporary ones to the folder of the study."""
-    partial = file.with_name(f".{file.name}.partial")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
+        with whole_file(file) as partial, zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
             for path in _files(out, personal):
                 require_readable(path)
                 archive.write(path, path.relative_to(out))
             for name, rows in results_of(out, personal=personal).items():
                 archive.writestr(f"tables/{name}.csv", table_of(TABLES[name], rows))
-        os.replace(partial, file)
     except FileNotFoundError as error:
         raise RecordError(f"{error.filename} was taken back during the export; export again") from error
     except OSError as error:
         raise RecordError(f"{file} cannot be written: {error.strerror or error}") from error
-    finally:
-        partial.unlink(missing_ok=True)
     return file
 
 
@@ -67,7 +63,7 @@ def temporary_export(out: Path) -> Path:
 
 def unfinished_exports(out: Path) -> list[Path]:
     """Archives that remain after a program was killed during an export; they may hold personal answers."""
-    return [*(out / STUDY).glob("export-*.zip"), *(out / STUDY).glob(".export-*.zip.partial")]
+    return [*(out / STUDY).glob("export-*.zip"), *(out / STUDY).glob(f"{TEMPORARY_PREFIX}*.zip")]
 
 
 def _files(out: Path, personal: bool) -> Iterator[Path]:

@@ -122,8 +122,6 @@ def _keep_again(folder: Path) -> None:
 def _append_again(folder: Path) -> None:
     _repeated(lambda: append_line(folder / "lines" / "a.jsonl", {"version": 1}))
     (folder.parent / "added").touch()
-    with suppress(OSError):
-        (folder / "next").mkdir()  # a call after it, at which the power is cut
 
 
 def _lines(folder: Path) -> object:
@@ -154,15 +152,12 @@ def _kept_runs(folder: Path) -> object:
 
 def _remove(folder: Path) -> None:
     remove_participant(folder / "study", "p1")
-    with suppress(OSError):
-        (folder / "next").mkdir()  # a call after it, at which the power is cut
 
 
 def _remove_again(folder: Path) -> None:
     """Remove a participant, unless that is done."""
     with suppress(ConfigError):
-        remove_participant(folder / "study", "p1")
-    (folder / "next").mkdir(exist_ok=True)
+        _remove(folder)
 
 
 def _harmed(folder: Path) -> str:
@@ -243,13 +238,16 @@ def trials(
         for number in chosen(len(calls)):
             for kind, row in rows.items():
                 with _copy(sets) as folder:
-                    outcome, fault = _disturbed(trial, folder, number, kind, expected)
+                    is_complete = number == len(calls)
+                    outcome, fault = _disturbed(trial, folder, number, kind, expected, is_complete=is_complete)
                 row.add(outcome, fault and f"call {number}, {calls[number - 1]}: {fault}")
         yield from rows.values()
 
 
-def _disturbed(trial: Trial, folder: Path, number: int, kind: str, expected: object) -> tuple[str, str]:
-    """The outcome of a run, and what is wrong with it."""
+def _disturbed(
+    trial: Trial, folder: Path, number: int, kind: str, expected: object, *, is_complete: bool
+) -> tuple[str, str]:
+    """The outcome of a run, and what is wrong with it; `is_complete`: the function has ended before the fault."""
     is_cut = kind != "call fails"
     _, error = _in_process(partial(_act, trial, folder, number, is_cut=is_cut, keeps_names=kind.endswith("kept")))
     if error.startswith("Traceback"):
@@ -257,6 +255,8 @@ def _disturbed(trial: Trial, folder: Path, number: int, kind: str, expected: obj
     outcome = error.partition(":")[0] or ("cut" if is_cut else "ended")
     if outcome == "ended" and not trial.warns and (found := _result(trial, folder)) != expected:
         return "", f"it succeeded with another result: {_difference(found, expected)}"
+    if is_complete and not trial.warns and (found := _result(trial, folder)) != expected:
+        return "", f"the power cut after its end undid it: {_difference(found, expected)}"
     found, error = _in_process(partial(trial.judge, folder))
     if error or found:
         return "", f"afterwards {error or found}"
@@ -272,6 +272,8 @@ def _act(trial: Trial, folder: Path, number: int = 0, *, is_cut: bool = False, k
     with Disk(folder, number, is_cut) as disk:
         try:
             trial.act(folder)
+            with suppress(OSError):
+                (folder / "after").mkdir()  # a call after the last one, at which the power is cut, too
         except PowerCut:
             pass
         except BaseException:

@@ -54,6 +54,7 @@ class Disk:
         self._files = {str(path): _File(path.read_bytes()) for path in paths}
         self._durable_names = dict(self._files)
         self._handles: dict[int, str] = {}
+        self._moved_folders: list[tuple[str, str]] = []  # old and new name, which is not synced yet
         one_path = {"mkdir": "mkdir", "rmdir": "rmdir", "truncate": "write", "ftruncate": "write"}
         new: list[tuple[Any, str, Callable[..., Any]]] = [
             (io, "open", self._open_file),
@@ -130,6 +131,8 @@ class Disk:
             function(source, target, **options)
             if old is None or new is None:
                 return
+            if os.path.isdir(new):
+                self._moved_folders.append((old, new))
             # of a file, or of a folder with all files in it
             moved = [name for name in self._files if name == old or name.startswith(old + os.sep)]
             for name in moved:
@@ -184,6 +187,10 @@ class Disk:
             return self._real_fsync(handle)
         self.count("fsync", path)
         if os.path.isdir(path):
+            for old, new in [names for names in self._moved_folders if os.path.dirname(names[1]) == path]:
+                self._moved_folders.remove((old, new))
+                for name in [name for name in self._durable_names if name.startswith(old + os.sep)]:
+                    self._durable_names[new + name[len(old) :]] = self._durable_names.pop(name)
             elsewhere = {name: file for name, file in self._durable_names.items() if os.path.dirname(name) != path}
             here = {name: file for name, file in self._files.items() if os.path.dirname(name) == path}
             self._durable_names = elsewhere | here

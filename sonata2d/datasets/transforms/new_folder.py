@@ -10,7 +10,7 @@ from pathlib import Path
 from uuid import uuid4
 
 from ...core.files.locations import file_names, is_remote
-from ...core.files.whole_file import TEMPORARY_PREFIX
+from ...core.files.whole_file import TEMPORARY_PREFIX, sync_folder
 from ...errors import RecordError
 from ...record.claims import StoreClaim
 from ..manifest.names import LOCK
@@ -47,6 +47,7 @@ def new_folder(out: Path) -> Iterator[Path]:
         if out.exists():
             out.rmdir()
         os.replace(work, out)
+        sync_folder(out.parent)  # a power cut does not take the name back
     except OSError as error:
         raise RecordError(f"{out} cannot be written: {error.strerror or error}") from error
     finally:
