@@ -523,11 +523,36 @@ def test_files_that_other_users_could_have_written_are_not_loaded(
     assert call(load()) == 84.0
     assert Path("harm").exists() == is_safe  # the file was loaded: this is what the check prevents
     if not is_safe:
-        why = f"other users can write to {shared}; empty it and run chmod go-w {shared}"
+        remedy = "empty it and run" if shared == folder else "use a folder of your own, or run"
+        why = f"other users can write to {shared}; {remedy} chmod go-w {shared}"
         assert caplog.messages == [
             "sonata2d is compiled for this processor, in every process; this may take a minute "
             f"(machine code is not kept: {why}) ..."
         ]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs links and modes of POSIX systems")
+def test_links_are_followed_step_by_step(tmp_path: Path) -> None:
+    """A link in a folder that others can write to could lead elsewhere tomorrow."""
+    (tmp_path / "own" / "kernels").mkdir(parents=True)
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    (shared / "second").symlink_to(tmp_path / "own")
+    (tmp_path / "first").symlink_to("own/../shared/second")
+    folder = tmp_path / "first" / "kernels"
+    assert foreign_access(folder) is None
+    shared.chmod(0o777)
+    reason = f"other users can write to {shared}; use a folder of your own, or run chmod go-w {shared}"
+    assert foreign_access(folder) == reason
+    shared.chmod(0o1777)  # as /tmp: nobody can rename another user's entries
+    assert foreign_access(folder) is None
+    (tmp_path / "own" / "kernels").chmod(0o775)
+    assert foreign_access(folder) == (
+        f"other users can write to {tmp_path}/own/kernels; empty it and run chmod go-w {tmp_path}/own/kernels"
+    )
+    (tmp_path / "a").symlink_to("b")
+    (tmp_path / "b").symlink_to("a")
+    assert "too many levels of symbolic links" in (foreign_access(tmp_path / "a") or "").lower()
 
 
 @compiled_only

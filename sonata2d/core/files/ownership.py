@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 from pathlib import Path
 
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
+_MAX_LINKS = 40  # on one path, as in Linux
 
 
 def foreign_access(folder: Path) -> str | None:
@@ -23,10 +25,10 @@ def foreign_access(folder: Path) -> str | None:
         return None
     folder = folder.absolute()
     try:
-        target = folder.resolve()
-    except (OSError, RuntimeError):  # RuntimeError: links in a circle, before Python 3.13
-        return f"{folder} cannot be followed; use a folder of your own"
-    for place in dict.fromkeys((*reversed(folder.parents), folder, *reversed(target.parents), target)):
+        places = _places(folder)
+    except OSError as error:
+        return f"{folder} cannot be followed: {error.strerror}; use a folder of your own"
+    for place in dict.fromkeys(places):
         try:
             found = place.lstat()
         except OSError:  # it does not exist, or cannot be reached, so that nothing is read from it
@@ -34,10 +36,36 @@ def foreign_access(folder: Path) -> str | None:
         if found.st_uid not in (0, os.geteuid()):
             return f"{place} belongs to another user ({found.st_uid}); use a folder of your own"
         # The mode of a link means nothing; it can be replaced only where the folder that holds it can be written.
-        is_exempt = stat.S_ISLNK(found.st_mode) or (place != target and found.st_mode & stat.S_ISVTX)
+        is_last = place == places[-1]
+        is_exempt = stat.S_ISLNK(found.st_mode) or (not is_last and found.st_mode & stat.S_ISVTX)
         if found.st_mode & _WRITABLE_BY_OTHERS and not is_exempt:
-            return f"other users can write to {place}; empty it and run chmod go-w {place}"
+            remedy = "empty it and run" if is_last else "use a folder of your own, or run"
+            return f"other users can write to {place}; {remedy} chmod go-w {place}"
     return None
+
+
+def _places(folder: Path) -> list[Path]:
+    """The folders and symbolic links on the way to a folder, with those on the way of each link; the folder is last.
+
+    Raises:
+        OSError: a link cannot be read, or there are too many.
+    """
+    place = Path(folder.anchor)
+    places, rest, links = [place], list(folder.parts[1:]), 0
+    while rest:
+        part = rest.pop(0)
+        entry = place.parent if part == os.pardir else place / part
+        places.append(entry)
+        if not entry.is_symlink():
+            place = entry
+            continue
+        links += 1
+        if links > _MAX_LINKS:
+            raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
+        target = Path(os.readlink(entry))
+        rest = [*(target.parts[1:] if target.is_absolute() else target.parts), *rest]
+        place = Path(target.anchor) if target.is_absolute() else place
+    return [*places, place]
 
 
 def is_own_file(path: Path) -> bool:
