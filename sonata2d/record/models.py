@@ -321,7 +321,7 @@ class Episode(Part):
     outcome: Outcome
     never_entered: list[int] | None = Field(
         default=None,
-        description="ids of people who found no free space where they enter until the end; only if there are any",
+        description="ids of people who never appear, because the place where they enter stays occupied; only if any",
     )
     frames: list[Frame] = Field(description="one for each executed tick")
     final: LastLook = Field(description="state after the last frame, to which no command belongs")

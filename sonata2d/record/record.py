@@ -260,7 +260,7 @@ class EpisodeRecord(Drawable):
 
     @property
     def never_entered(self) -> list[int]:
-        """Ids of the pedestrians who found no free space where they enter, from their `enters` to the end."""
+        """Ids of the pedestrians who never appear, because the place where they enter stays occupied to the end."""
         return never_entered(self.scene().humans, self.states.present, self.outcome.tick)
 
     def counts(self) -> JsonDict:
