@@ -162,7 +162,7 @@ _FAST = {"mean": 6.0, "min": 4.0, "max": 8.0}
         ({}, {}, {}),
         ({"turn": 50.0}, {}, {}),
         ({"ahead": 0.8, "back": 0.8, "sideways": 0.8}, {"substeps": 1}, {}),
-        ({}, {"dt": 10.0, "substeps": 1000, "time_limit": 50.0}, {}),
+        ({}, {"dt": 0.5, "substeps": 50, "time_limit": 50.0}, {}),
         ({}, {"dt": 1e-4, "time_limit": 0.02}, {}),
         ({}, {}, {"person": {"desired_speed": _FAST}}),
         ({}, {}, {"people": [{"x": -4, "y": 0, "velocity": [20, 0], "goals": [[4, 0]]}]}),
@@ -197,13 +197,19 @@ def test_edits_of_an_episode_with_a_strong_drive_are_found(tmp_path: Path) -> No
         assert re.search(rf"frames\.{frame}\.robot: the robot is \d+\.\d+ m/s too fast", _text(fast))
 
 
-def test_people_who_would_walk_through_walls_are_refused() -> None:
-    """At 1.8 m/s, three times as fast after contacts: 0.54 m in 0.1 s; 17 steps of 0.32 m are allowed."""
+def test_steps_that_are_too_long_are_refused() -> None:
+    """At 1.8 m/s, three times as fast after contacts: 0.54 m in 0.1 s; 9 steps of 0.3 m are allowed."""
     hall = s2.load_scenario("crowded-hall")
-    with pytest.raises(s2.errors.ConfigError, match=r"reach 5\.4 m/s, move 0\.54 m, .* raise rules\.substeps to 17"):
-        hall.changed(rules={"dt": 1.0})
-    hall.changed(rules={"dt": 1.0, "substeps": 17})
-    s2.load_scenario("empty").changed(rules={"dt": 1.0})  # nobody walks
+    with pytest.raises(s2.errors.ConfigError, match=r"reach 5\.4 m/s, move 0\.54 m, .* raise rules\.substeps to 9,"):
+        hall.changed(rules={"dt": 0.5, "substeps": 5})
+    hall.changed(rules={"dt": 0.5, "substeps": 9})
+    with pytest.raises(s2.errors.ConfigError, match=r"rules\.dt: .* lower rules\.dt to 0\.5 or less"):
+        hall.changed(rules={"dt": 0.51, "substeps": 100})
+    empty = s2.load_scenario("empty")
+    empty.changed(rules={"dt": 1.0})  # nobody walks
+    with pytest.raises(s2.errors.ConfigError, match=r"it turns 1\.02 rad: raise rules\.substeps to 11, or"):
+        empty.changed(robot={"limits": {"turn": 10.2}}, rules={"dt": 1.0})
+    empty.changed(robot={"limits": {"turn": 10.0}}, rules={"dt": 1.0})
 
 
 def test_an_unreadable_file_is_one_problem(tmp_path: Path) -> None:

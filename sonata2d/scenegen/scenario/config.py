@@ -41,6 +41,7 @@ from .sections import (
 
 # Of a robot without safety guard, m/s, and m in a physics step: beyond them it pushes people through walls.
 _UNGUARDED_SPEED, _UNGUARDED_STEP = 12.0, 0.12
+_ROBOT_TURN = 1.0  # rad in a physics step, within which `portable_math.rotation` is exact to 2e-7
 _PERSON_STEP = 0.33  # m in a physics step, beyond which people walk through walls
 _RESPONSE_TIME = 0.5  # s; an acceleration that is kept for so long after a contact adds twice the speed of a person
 _TWENTY_DEGREES = 0.3490658503988659  # rad
@@ -219,6 +220,18 @@ class ScenarioConfig(Settings):
         return self
 
     @model_validator(mode="after")
+    def _check_turn_of_robot(self) -> Self:
+        rules, turn = self.rules, self.robot.limits.turn
+        if turn * rules.dt / rules.substeps > _ROBOT_TURN:
+            message = (
+                f"the robot may turn {_ROBOT_TURN:g} rad in a physics step, dt / substeps; with a limit of {turn:.3g} "
+                f"rad/s it turns {turn * rules.dt / rules.substeps:.3g} rad: raise rules.substeps to "
+                f"{math.ceil(turn * rules.dt / _ROBOT_TURN)}, or lower rules.dt or robot.limits.turn"
+            )
+            raise setting_error(message, "rules", "substeps")
+        return self
+
+    @model_validator(mode="after")
     def _check_steps_of_people(self) -> Self:
         counts = (
             self.standing, self.wandering, self.humans, self.talking_pairs, self.walking_pairs, self.talking_groups,
@@ -231,7 +244,13 @@ class ScenarioConfig(Settings):
         if any(count and count.max for count in counts) or any(door.inflow for door in self.doors) or speeds:
             speeds.append(self.person.desired_speed.max)
         dt, substeps = self.rules.dt, self.rules.substeps
-        speed = max(speeds, default=0.0) * (1.0 + 2.0 * min(dt / _RESPONSE_TIME, 1.0))
+        if speeds and dt > _RESPONSE_TIME:
+            message = (
+                f"people choose an acceleration once in a tick, and can reverse within {_RESPONSE_TIME} s; in longer "
+                f"ticks they become ever faster: lower rules.dt to {_RESPONSE_TIME} or less"
+            )
+            raise setting_error(message, "rules", "dt")
+        speed = max(speeds, default=0.0) * (1.0 + 2.0 * dt / _RESPONSE_TIME)
         if speed * dt / substeps > _PERSON_STEP:
             message = (
                 f"people may move {_PERSON_STEP} m in a physics step, dt / substeps; after contacts they reach "
