@@ -372,3 +372,83 @@ def test_a_table_is_written_beside_the_walls(tmp_path: Path) -> None:
     text_file(tmp_path, "x1,y1,x2,y2\n-6,-3,6,-3\n", "own.obstacles.csv")
     record, facts = imported(tmp_path / "own.csv", frame_rate=25)
     assert facts["walls"] == len(record.scene().walls) == 1
+
+
+@pytest.mark.parametrize(
+    ("comment", "metres"),
+    [
+        ("time in s, positions in cm", 0.01),
+        ("head height z in cm, x and y in m", 1.0),
+        ("recorded in Zurich, positions in feet", 0.3048),
+        ("unit: mm", 0.001),
+        ("position of the person's point in cm", 0.01),
+    ],
+)
+def test_the_unit_of_a_comment_is_that_of_x_and_y(tmp_path: Path, comment: str, metres: float) -> None:
+    rows = [f"{k},{p},{x / metres},{y / metres}" for k, p, x, y in ROWS]
+    path = text_file(tmp_path, "\n".join([f"# {comment}", "frame,ped,x,y", *rows]))
+    record, facts = imported(path, frame_time=STEP)
+    assert facts["median_speed"] == pytest.approx(1.25, abs=0.01)
+    assert tracks_of(record)[5][0, 1:] == pytest.approx((0.5, -2.0), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "comment",
+    [
+        "2.5 fps", "2.5 frames per second", "frame rate (Hz): 2.5", "frame rate is 2.5", "frame rate in Hz: 2.5",
+        "framerate [fps]: 2.5", "framerate: 2,5", "fps=2.5", "Frame-Rate: 2.50 fps",
+    ],
+)  # fmt: skip
+def test_the_frame_rate_of_a_comment(tmp_path: Path, comment: str) -> None:
+    rows = [f"{k},{p},{x},{y}" for k, p, x, y in ROWS]
+    _, facts = imported(text_file(tmp_path, "\n".join([f"# {comment}", "frame,ped,x,y", *rows])))
+    assert facts["interval"] == 0.4
+
+
+@pytest.mark.parametrize(
+    ("classes", "persons", "robot", "note"),
+    [
+        (("adult", "car", "adult"), 2, None, "tracks of others than people are left out: 1 car"),
+        (("walker", "robot", "walker"), 2, 2, ""),
+        (("adult", "ego", "child"), 2, 2, ""),
+        (("car", "bicycle", "car"), 3, None, "the classes bicycle, car are unknown: all count as people"),
+        (("1", "2", "1"), 3, None, ""),
+    ],
+)
+def test_classes_of_tracks(
+    tmp_path: Path, classes: tuple[str, ...], persons: int, robot: int | None, note: str
+) -> None:
+    of = dict(zip((1, 2, 5), classes, strict=True))
+    rows = [f"{k},{p},{x},{y},{of[p]}" for k, p, x, y in ROWS]
+    record, facts = imported(text_file(tmp_path, "\n".join(["frame,ped,x,y,class", *rows])), frame_time=STEP)
+    assert facts["persons"] == persons
+    assert ("robot" in record.scene().unmeasured) == (robot is None)
+    assert note in "; ".join(facts["notes"])
+
+
+def test_a_file_without_people_names_its_classes(tmp_path: Path) -> None:
+    rows = [f"{k},{p},{x},{y},{'robot' if p == 1 else 'car'}" for k, p, x, y in ROWS]
+    line = refusals(text_file(tmp_path, "\n".join(["frame,ped,x,y,class", *rows])), frame_time=STEP)
+    assert "it holds no track of a person; tracks of others than people are left out: 2 car" in line
+
+
+@pytest.mark.parametrize("separator", [",", "\t", ";"])
+def test_cells_may_be_empty_at_the_end_of_a_row(tmp_path: Path, separator: str) -> None:
+    rows = [separator.join(map(str, row)) for row in ROWS] + [separator.join(("25", "1", "", ""))]
+    path = text_file(tmp_path, "\n".join([separator.join(("frame", "ped", "x", "y")), *rows]))
+    _, facts = imported(path, frame_time=STEP)
+    assert facts["persons"] == 3
+    assert f"1 of {len(rows)} rows hold" in "; ".join(facts["notes"])
+
+
+def test_decimal_commas_may_begin_late_and_spreadsheets_name_their_separator(tmp_path: Path) -> None:
+    rows = [f"{k};{p};{1 if k < 10 else '1,25'};{k if p == 1 else p}" for k in range(20) for p in (1, 2)]
+    record, _ = imported(text_file(tmp_path, "\n".join(["sep=;", "frame;ped;x;y", *rows])), frame_time=1.0)
+    assert tracks_of(record)[2][[0, -1], 1].tolist() == [1.0, 1.25]
+
+
+def test_units_of_the_header_count_for_columns_that_the_user_names(tmp_path: Path) -> None:
+    rows = [f"{k},{p},{100 * x},{100 * y}" for k, p, x, y in ROWS]
+    path = text_file(tmp_path, "\n".join(["when,who,a [cm],b [cm]", *rows]))
+    _, facts = imported(path, frame_time=STEP, columns=("frame", "ped", "x", "y"))
+    assert facts["median_speed"] == pytest.approx(1.25, abs=0.01)

@@ -64,7 +64,7 @@ def judged(tracks: Tracks) -> TrackSummary:
         ValueError: more than one speed in a hundred is above 8 m/s; the message names the probable cause.
     """
     if not tracks.people:
-        raise ValueError("it holds no track of a person")
+        raise ValueError("; ".join(["it holds no track of a person", *tracks.notes]))
     moves = [(track, *_velocities(track, _WINDOW)) for track in tracks.people]
     speeds = [np.hypot(*velocity.T) for _, velocity, _ in moves]
     pooled = np.concatenate(speeds) if speeds else np.zeros(0)

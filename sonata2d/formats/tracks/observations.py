@@ -23,7 +23,7 @@ LENGTHS = {
 
 _ROBOTS, _PEOPLE = (
     frozenset({"robot", "ego"}),
-    frozenset({"ped", "pedestrian", "person", "people", "human", "adult", "child"}),
+    frozenset({"ped", "pedestrian", "pedestrians", "person", "people", "human", "walker", "adult", "child"}),
 )
 
 
@@ -185,6 +185,10 @@ def people_and_robot(kinds: Sequence[str], ped: IntArray) -> tuple[BoolArray, in
     """
     names = np.array([kind.strip().strip('"').lower() for kind in kinds])
     is_robot, is_person = np.isin(names, list(_ROBOTS)), np.isin(names, [*_PEOPLE, ""])
+    if not (is_robot | is_person).any():  # numbers of classes, or words that are not known
+        words = sorted(name for name in set(names.tolist()) if not name.replace(".", "").isdecimal())
+        notes = [f"the classes {', '.join(words[:5])} are unknown: all count as people"] if words else []
+        return np.ones(len(ped), dtype=bool), None, tuple(notes)
     robots = np.unique(ped[is_robot])
     notes = [f"{len(robots)} robots: the one with the lowest id is read"] if len(robots) > 1 else []
     others = ~is_robot & ~is_person

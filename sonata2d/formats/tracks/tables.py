@@ -35,7 +35,11 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 _NUMBER = re.compile(r"[+-]?\d+(?:[.,]\d*)?(?:[eE][+-]?\d+)?")
 _UNIT_IN_NAME = re.compile(r"\s*(?:/\s*|[\[(]\s*(?:in\s+)?|\s+in\s+|_)([a-zµ]+)\s*[\])]?$")
 _UNIT_IN_COMMENT = re.compile(r"(?:\bin\s+|\bunits?\s*[:=]?\s*(?:is\s+|are\s+|in\s+)?|\b[xy]\s*/\s*)([a-zµ]+)\b")
-_RATE = re.compile(r"(?:frame\s*[-_]?rate|fps)\s*[:=]?\s*(\d+(?:\.\d*)?)")
+_OF_OTHERS = re.compile(r"\b(?:z|height|time|t|duration|radius)\s*$")  # before `in cm`: no unit of x and y
+_RATE = re.compile(
+    r"(?:frame\s*[-_]?\s*rate|fps|frames\s+per\s+second)\W*(?:(?:is|in|hz|fps|of)\W*)*(\d+(?:[.,]\d+)?)"
+    r"|(\d+(?:[.,]\d+)?)\s*(?:fps|frames?\s*(?:per|/)\s*s)"
+)
 _CLEARER = 1.5  # factor by which one order of unnamed columns must be more plausible than the other
 HEADER = ("frame", "ped", "x", "y")
 
@@ -87,13 +91,7 @@ def read_observations(text: str, columns: Sequence[str] | None) -> Observations:
             raise ValueError(f"row {number} has no id of a person")
     ped, names = ids_of(cells["ped"])
     kept, robot, left_out = np.ones(len(ped), dtype=bool), None, tuple[str, ...]()
-    if "kind" in cells and {kind.strip().lower() for kind in cells["kind"]} & {
-        "ped",
-        "pedestrian",
-        "person",
-        "human",
-        "robot",
-    }:
+    if "kind" in cells:
         kept, robot, left_out = people_and_robot(cells["kind"], ped)
     group = _numbers(cells["group"], "group")[kept] if "group" in cells else None
     is_per_step = layout == "obsmat" and units.get("rate") is None
@@ -128,19 +126,22 @@ def read_numbers(text: str, names: tuple[str, ...]) -> Array:
 
 
 def _parsed(text: str) -> _Table:
-    lines = [line for line in map(str.strip, text.splitlines()) if line]
-    comments = [line.lstrip("#/% ").lower() for line in lines if _is_comment(line)]
+    lines = [line for line in text.splitlines() if line.strip()]
+    comments = [line.strip().lstrip("#/% ").lower() for line in lines if _is_comment(line)]
     lines = [line for line in lines if not _is_comment(line)]
+    if lines and re.fullmatch(r"sep=.", lines[0].strip()):  # the first line of spreadsheets
+        del lines[0]
     if not lines:
         return _Table([], None, comments)
-    separator = _separator(lines)
-    if separator == " ":
-        lines = [line.replace("\t", " ") for line in lines]
+    stripped = [line.strip() for line in lines]
+    separator = _separator(stripped)
+    if separator != "\t":  # else empty cells at the ends would be gone
+        lines = [line.replace("\t", " ") for line in stripped] if separator == " " else stripped
     try:
         rows = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=separator, skipinitialspace=True)]
     except csv.Error as error:
         raise ValueError(f"it is not a table of text: {error}") from error
-    if separator != "," and any(_DECIMAL_COMMA.fullmatch(cell) for row in rows[:50] for cell in row):
+    if separator != "," and any(_DECIMAL_COMMA.fullmatch(cell) for row in rows for cell in row):
         rows = [[cell.replace(",", ".") for cell in row] for row in rows]
     is_header = not any(_is_number(cell) for cell in rows[0])
     names = rows.pop(0) if is_header else None
@@ -156,7 +157,7 @@ def _parsed(text: str) -> _Table:
 
 
 def _is_comment(line: str) -> bool:
-    return line.startswith(("#", "//", "%"))
+    return line.lstrip().startswith(("#", "//", "%"))
 
 
 def _separator(lines: list[str]) -> str:
@@ -236,13 +237,16 @@ def _places(table: _Table, columns: Sequence[str] | None) -> tuple[dict[str, int
         raise ValueError(f"it has no column frame or t; its columns are {', '.join(names)}; name them with --columns")
     for role in ("x", "t"):
         unit = roles[places[role]][1] if role in places else None
+        if unit is None and role in places and table.names is not None:  # columns that the user names
+            unit = _role(table.names[places[role]])[1]
         if unit in (LENGTHS if role == "x" else _TIMES):
             units[role] = _UNITS[str(unit)]
     for comment in table.comments:
-        if (rate := _RATE.search(comment)) and float(rate[1]) > 0.0:
-            units.setdefault("rate", float(rate[1]))
-        if (unit_match := _UNIT_IN_COMMENT.search(comment)) and unit_match[1] in LENGTHS:
-            units.setdefault("x", LENGTHS[unit_match[1]])
+        if (rate := _RATE.search(comment)) and (number := float((rate[1] or rate[2]).replace(",", "."))) > 0.0:
+            units.setdefault("rate", number)
+        for found_unit in _UNIT_IN_COMMENT.finditer(comment):
+            if found_unit[1] in LENGTHS and not _OF_OTHERS.search(comment[: found_unit.start()]):
+                units.setdefault("x", LENGTHS[found_unit[1]])
     return places, units, notes, layout
 
 
