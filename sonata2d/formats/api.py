@@ -426,12 +426,15 @@ def _sources(source: Path, chosen: Format) -> list[Path]:
     if not source.is_dir():
         raise RecordError(f"{source} does not exist")
     suffixes = (chosen.suffix, *chosen.other_suffixes)
-    files = sorted(
-        file for suffix in suffixes for file in source.glob(f"*{suffix}") if not file.name.endswith(".obstacles.csv")
-    )
+    files = sorted(file for suffix in suffixes for file in source.glob(f"*{suffix}") if not _is_beside(file.name))
     if not files:
         raise RecordError(f"{source} holds no {' or '.join(suffixes)} files")
     return files
+
+
+def _is_beside(name: str) -> bool:
+    """Whether a file lies beside others and is none to import: walls, a homography, or a text for people."""
+    return name.endswith(".obstacles.csv") or name == "H.txt" or name.lower().startswith(("readme", "licen"))
 
 
 def count_sources(source: Path, format: str) -> int:

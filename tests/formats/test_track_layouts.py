@@ -184,7 +184,7 @@ def test_a_wrong_frame_rate_gives_a_warning(tmp_path: Path) -> None:
     ]
     with pytest.warns(UserWarning, match="is 2.50 m/s, fast for walking"):
         scenario_from_tracks(path, frame_rate=20)
-    with pytest.warns(UserWarning, match="nobody walks; check the frame rate and the unit"):
+    with pytest.warns(UserWarning, match="nobody walks, with 1 s between frames; check the frame rate and the unit"):
         scenario_from_tracks(path, frame_rate=1)
 
 
@@ -197,7 +197,7 @@ def test_short_gaps_are_bridged_and_empty_cells_are_absence(tmp_path: Path) -> N
     ):
         record, facts = imported(rows_file(tmp_path, holes), frame_rate=10)
         assert tracks_of(record)[1][:, 1] == pytest.approx([row[2] for row in rows], abs=1e-4)
-        assert facts["notes"][-1] == "10 positions in gaps of up to 2 s are bridged by straight lines"
+        assert facts["notes"][-1] == "gaps of up to 2 s are bridged by straight lines: 10 positions"
         (person,) = scenario_from_tracks(rows_file(tmp_path, holes), frame_rate=10).people
         assert [x for _, x, _ in person.track] == pytest.approx([row[2] for row in rows], abs=1e-4)
 
@@ -271,7 +271,7 @@ def test_repeated_rows_count_once_and_two_places_name_the_person(tmp_path: Path)
     rows = walk(0, 30, 1, 0.0) + walk(0, 30, 2, 0.0, 2.0)
     record, facts = imported(rows_file(tmp_path, rows + rows[10:12]), frame_rate=10)
     assert len(record) == 29
-    assert facts["notes"] == ["2 rows are there twice and count once"]
+    assert facts["notes"] == ["2 rows repeated: what is there twice counts once"]
     message = refusals(rows_file(tmp_path, [*rows, (12, 2, 0.5, 9.0)]), frame_rate=10)
     assert (
         "person 2 is in two places in one frame, 12: (1.5, 2) and (0.5, 9); give the second person another id"
@@ -317,7 +317,7 @@ def test_people_closer_than_bodies_are_doubted(tmp_path: Path) -> None:
         (TWO_ROWS, {"frame_rate": 1, "frame_time": 1}, "the frame time or the frame rate, not both"),
         (TWO_ROWS, {"frame_rate": 1, "unit": "px"}, "unit 'px' is unknown; give metres per pixel"),
         (TWO_ROWS, {"frame_rate": 1, "unit": "-1"}, "unit '-1' is unknown; use m, cm"),
-        ('{"track": {"f": 0, "p": 1, "x": 0, "y": 0, "prediction_number": 0}}', {}, "1 predictions of a model, but no"),
+        ('{"track": {"f": 0, "p": 1, "x": 0, "y": 0, "prediction_number": 0}}', {}, "1 prediction of a model, but no"),
         ('{"track": {"f": 0, "p": 1, "x": 0, "y": 0}}', {"columns": ("x", "y")}, "columns can be named in tables of"),
         ("frame,id,x,y,type\n0,1,0,0,robot\n1,1,1,0,robot\n", {"frame_rate": 1}, "it holds no track of a person"),
         ("\0\1\2", {}, "it is not text, nor a data base of JuPedSim"),
@@ -452,3 +452,94 @@ def test_units_of_the_header_count_for_columns_that_the_user_names(tmp_path: Pat
     path = text_file(tmp_path, "\n".join(["when,who,a [cm],b [cm]", *rows]))
     _, facts = imported(path, frame_time=STEP, columns=("frame", "ped", "x", "y"))
     assert facts["median_speed"] == pytest.approx(1.25, abs=0.01)
+
+
+def test_an_option_that_contradicts_the_file_is_noted(tmp_path: Path) -> None:
+    rows = [f"{k},{p},{x},{y}" for k, p, x, y in ROWS]
+    path = text_file(tmp_path, "\n".join(["# framerate: 5", "frame,ped,x,y", *rows]))
+    _, facts = imported(path, frame_time=STEP)
+    assert "the file says 5 Hz; 2.5 Hz was given" in facts["notes"]
+    _, facts = imported(path, frame_rate=5.0)
+    assert facts["notes"] == []
+
+
+@pytest.mark.parametrize("options", [{"frame_rate": 0}, {"frame_time": 0.0}, {"frame_time": -0.1}])
+def test_durations_that_are_none_are_refused(tmp_path: Path, options: dict[str, float]) -> None:
+    assert "must be above 0, got" in refusals(text_file(tmp_path, TWO_ROWS), **options)
+
+
+def test_a_data_base_without_a_frame_rate_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.sqlite"
+    jupedsim(path)
+    with closing(sqlite3.connect(path)) as base, base:
+        base.execute("UPDATE metadata SET value = '0' WHERE key = 'fps'")
+    assert "it gives a frame rate of 0 Hz; give the true one with --frame-rate" in refusals(path)
+    _, facts = imported(path, frame_rate=1.0 / STEP)
+    assert facts["persons"] == 3
+
+
+@pytest.mark.parametrize(("rate", "digits"), [(30.0, 2), (25.0, 1), (30.0, 3)])
+def test_rounded_times_beside_frame_numbers(tmp_path: Path, rate: float, digits: int) -> None:
+    rows = [f"{k},{k / rate:.{digits}f},{p},{p},{k / rate:.4f}" for k in range(80) for p in (1, 2)]
+    _, facts = imported(text_file(tmp_path, "\n".join(["frame,t,ped,x,y", *rows])))
+    assert facts["interval"] == pytest.approx(1 / rate, rel=0.02)
+
+
+def test_a_person_between_the_frames_of_ucy_is_noted(tmp_path: Path) -> None:
+    lines = ["2 - the number of splines", "2 - Num of control points", "0 0 0 0", "100 0 40 0"]
+    lines += ["2 - Num of control points", "0 9 1 0", "9 9 9 0"]
+    _, facts = imported(text_file(tmp_path, "\n".join(lines), "a.vsp"), unit="0.02")
+    assert facts["persons"] == 1
+    assert "person 2 is seen between two of every 10 frames only, and is left out" in facts["notes"]
+
+
+def footsteps(*steps: str) -> str:
+    return "\n".join(["pedestrianId simTime endTime startX-PID1 startY-PID1 endX-PID1 endY-PID1", *steps])
+
+
+def test_who_waits_between_two_footsteps_stands(tmp_path: Path) -> None:
+    """From 1 s to 6 s at x = 1, then on."""
+    steps = ["1 0.0 1.0 0.0 0.0 1.0 0.0", "1 6.0 7.0 1.0 0.0 2.0 0.0"]
+    record, _ = imported(text_file(tmp_path, footsteps(*steps), "a.traj"))
+    t, x, _ = tracks_of(record)[1].T
+    assert np.interp([0.5, 1.0, 3.0, 5.9, 6.5, 7.0], t, x) == pytest.approx([0.5, 1.0, 1.0, 1.0, 1.5, 2.0], abs=1e-3)
+
+
+def test_what_lies_beside_vadere_is_named_in_errors(tmp_path: Path) -> None:
+    path = text_file(tmp_path, footsteps("1 0.0 1.0 0.0 0.0 1.0 0.0"), "a.traj")
+    (tmp_path / "x.scenario").write_text('{"scenario": {"topography": {}}}')
+    assert "x.scenario beside it, which holds its walls, is no scenario of Vadere: 'attributes' is missing" in refusals(path)
+    (tmp_path / "x.scenario").unlink()
+    path.write_text("#IDXCOL=2,DATACOL=5,SEP=' '\n")
+    assert "it has no rows" in refusals(path)
+    path.write_text(footsteps("1 0.0 1.0 0.0"))
+    assert "row 1 has 4 cells, not the 7 of its columns" in refusals(path)
+
+
+def test_annotations_may_have_any_blanks(tmp_path: Path) -> None:
+    path = tmp_path / "annotations.txt"
+    sdd(path)
+    path.write_text(path.read_text().replace(" ", "  ", 40).replace(" ", "\t", 300))
+    _, facts = imported(path, unit="0.02")
+    assert facts["persons"] == 3
+
+
+def test_a_homography_and_a_text_for_people_are_no_tracks(tmp_path: Path) -> None:
+    text_file(tmp_path, TWO_ROWS, "a.txt")
+    text_file(tmp_path, "1 0 0\n0 1 0\n0 0 1\n", "H.txt")
+    text_file(tmp_path, "Recorded by hand.", "README.txt")
+    result = import_from(tmp_path, "tracks", tmp_path / "made", Options(frame_time=1.0))
+    assert [path.name for path in result.files] == ["a.json"]
+    assert result.refused == []
+
+
+def test_columns_may_be_one_text(tmp_path: Path) -> None:
+    rows = [f"{k},{p},{x},{y}" for k, p, x, y in ROWS]
+    _, facts = imported(text_file(tmp_path, "\n".join(rows)), frame_time=STEP, columns="frame,ped,x,y")
+    assert facts["persons"] == 3
+
+
+def test_a_robot_that_no_robot_can_follow_is_doubted(tmp_path: Path) -> None:
+    rows = [f"{k},{p},{100 * x if p == 1 else x},{y},{'robot' if p == 1 else 'person'}" for k, p, x, y in ROWS]
+    _, facts = imported(text_file(tmp_path, "\n".join(["frame,ped,x,y,class", *rows])), frame_time=STEP)
+    assert "the robot moves at up to 125 m/s; check its track" in facts["doubts"]

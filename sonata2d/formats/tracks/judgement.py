@@ -18,7 +18,8 @@ _USUAL_MEDIAN = (0.4, 2.2)  # m/s, of people who walk: U. Weidmann (1993) has a 
 _MAX_ACCELERATION = 10.0  # m/s^2; sprinters start with 6, and trackers add noise
 _MAX_EXTENT = 1000.0  # m, of the area of a recording
 _NEAREST, _CLOSE_SHARE = 0.2, 0.05  # m between centres, less than a body is deep; share of positions
-_RARE = 0.01  # share of too high speeds up to which these are faults of single tracks
+RARE = 0.01  # share of too high speeds, or of jumps, up to which these are faults of single tracks
+_MAX_ROBOT_SPEED = 15.0  # m/s
 _SAMPLES = 200  # times at which distances between people are measured
 
 
@@ -74,7 +75,7 @@ def judged(tracks: Tracks) -> TrackSummary:
     places = np.concatenate([track.position for track in tracks.people])
     extent = np.ptp(places, axis=0)
     share = float((pooled > MAX_PERSON_SPEED).mean()) if len(pooled) else 0.0
-    if share > _RARE:
+    if share > RARE:
         worst = int(np.argmax([speed.max(initial=0.0) for speed in speeds]))
         raise ValueError(_too_fast(tracks.people[worst], speeds[worst], median or 0.0, pooled))
     doubts = list(tracks.doubts)
@@ -89,7 +90,7 @@ def judged(tracks: Tracks) -> TrackSummary:
             " check the frame rate and the unit"
         )
     elif median is None and len(pooled):
-        doubts.append("nobody walks; check the frame rate and the unit")
+        doubts.append(f"nobody walks, with {tracks.interval:g} s between frames; check the frame rate and the unit")
     if sudden := _sudden(tracks):
         doubts.append(sudden)
     if extent.max() > _MAX_EXTENT:
@@ -100,6 +101,10 @@ def judged(tracks: Tracks) -> TrackSummary:
             f"{close:.0%} of the positions are within {_NEAREST:g} m of another person's, closer than bodies"
             " allow; check the unit and the ids"
         )
+    if tracks.robot is not None:
+        fastest = float(np.hypot(*_velocities(tracks.robot, _WINDOW)[0].T).max(initial=0.0))
+        if fastest > _MAX_ROBOT_SPEED:
+            doubts.append(f"the robot moves at up to {fastest:.0f} m/s; check its track")
     times = [(track.time[0], track.time[-1]) for track in tracks.people]
     duration = max(end for _, end in times) - min(start for start, _ in times)
     return TrackSummary(

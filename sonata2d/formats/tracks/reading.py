@@ -12,13 +12,14 @@ import numpy as np
 
 from ...core.files.limits import MAX_MATRIX_BYTES, MAX_PERSON_SPEED, MAX_TRACKS_BYTES
 from ...core.portable_math import Array, BoolArray, IntArray
+from ...core.wording import counted
 from ...errors import RecordError
 from ...record.files import read_bytes
 from ...scenegen.scenario.parse import parse_settings
 from ..format import Options
 from ..importing import load_json, numbers, parsing
 from . import sources, tables
-from .judgement import TrackSummary, judged
+from .judgement import RARE, TrackSummary, judged
 from .observations import (
     Observations,
     Track,
@@ -34,7 +35,7 @@ NAME = "tracks"
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".ndjson", ".vsp", ".sqlite", ".db", ".traj")
 LONGEST_GAP = 2.0  # s, that is bridged: in this time a pedestrian takes a few steps; after longer ones a track ends
 JITTER = 2e-3  # s, that rounded times may differ from an even grid
-_RARE = 0.01  # share of jumps in all steps up to which these are faults of single tracks
+_SAME_RATE = 0.01  # of a frame rate: a larger difference from what the file says is noted
 _LEAST_JUMP = 0.5  # m; shorter ones are noise of the tracker
 _GRID = 1e-6  # tolerance of frame numbers on the grid of their most frequent step
 
@@ -77,7 +78,8 @@ def _observations(path: Path, options: Options) -> Observations:
         return sources.jupedsim(path) if is_base else _of_text(text, path)
     if is_base or text.lstrip().startswith("{"):
         raise ValueError("columns can be named in tables of text only; leave them out")
-    return tables.read_observations(text, options.columns)
+    columns: str | tuple[str, ...] = options.columns
+    return tables.read_observations(text, columns.split(",") if isinstance(columns, str) else columns)
 
 
 def _of_text(text: str, path: Path) -> Observations:
@@ -97,7 +99,7 @@ def _of_text(text: str, path: Path) -> Observations:
         and re.fullmatch(r'"?[A-Za-z][\w ]*"?', cells[9])
         and not re.search("[A-Za-z]", "".join(cells[:9]))
     ):
-        rows = list(csv.reader((line.strip() for line in text.splitlines() if line.strip()), delimiter=" "))
+        rows = list(csv.reader((" ".join(line.split()) for line in text.splitlines() if line.strip()), delimiter=" "))
         if odd := next((k for k, row in enumerate(rows) if len(row) != 10), None):
             raise ValueError(f"row {odd + 1} has {len(rows[odd])} cells, not the 10 of Stanford Drone annotations")
         return sources.sdd(rows)
@@ -189,13 +191,16 @@ def _assembled(found: Observations, options: Options, path: Path) -> Tracks:
                 f"person {ped[k]} is in two places in one {at}: ({x:g}, {y:g}) and ({u:g}, {v:g}); give the second"
                 " person another id"
             )
-        notes.append(f"{int(repeated.sum())} rows are there twice and count once")
+        notes.append(f"{counted(int(repeated.sum()), 'row')} repeated: what is there twice counts once")
         ped, position, stamp = ped[~repeated], position[~repeated], stamp[~repeated]
     is_frame = found.frame is not None
     step = _step(ped, stamp, is_frame)
-    if not is_frame and _has_rate(options):
-        step = options.frame_time or 1.0 / float(options.frame_rate or 1.0)
-    interval = step * seconds_per_stamp if found.interval is None or _has_rate(options) else found.interval
+    given = _given_duration(options)
+    if not is_frame and given is not None:
+        step = given
+    interval = step * seconds_per_stamp if found.interval is None or given is not None else found.interval
+    if given is not None and found.frame_rate and abs(given * found.frame_rate - 1.0) > _SAME_RATE:
+        notes.append(f"the file says {found.frame_rate:g} Hz; {1.0 / given:g} Hz was given")
     scale = interval / step  # s per stamp
     if not 1e-4 <= interval < 1e6:
         raise ValueError(
@@ -223,8 +228,16 @@ def _assembled(found: Observations, options: Options, path: Path) -> Tracks:
     )
 
 
-def _has_rate(options: Options) -> bool:
-    return options.frame_time is not None or options.frame_rate is not None
+def _given_duration(options: Options) -> float | None:
+    """Duration of one frame number that the options give, s; None if they give none.
+
+    Raises:
+        ValueError: it is not above 0.
+    """
+    for name, value in (("frame time", options.frame_time), ("frame rate", options.frame_rate)):
+        if value is not None and not value > 0.0:
+            raise ValueError(f"the {name} must be above 0, got {value:g}")
+    return options.frame_time if options.frame_rate is None else 1.0 / options.frame_rate
 
 
 def _stamps(found: Observations, seen: BoolArray, options: Options, path: Path) -> tuple[Array, float]:
@@ -234,15 +247,19 @@ def _stamps(found: Observations, seen: BoolArray, options: Options, path: Path) 
         time = found.time[seen]
         return np.asarray(time - time.min()), 1.0
     frame = found.frame[seen]
-    if options.frame_time is not None or options.frame_rate is not None:
-        return frame, options.frame_time or 1.0 / float(options.frame_rate or 1.0)
+    if (given := _given_duration(options)) is not None:
+        return frame, given
     if found.time is not None:
         return frame, _duration(frame, found.time[seen])
     if found.frame_rate is None and found.interval is None:
         raise RecordError(
             f"{path} does not give the duration of a frame; pass it, e.g. --frame-time 0.04, or --frame-rate 25"
         )
-    return frame, 1.0 / found.frame_rate if found.frame_rate else 1.0
+    if found.frame_rate is None:
+        return frame, 1.0
+    if not found.frame_rate > 0.0:
+        raise ValueError(f"it gives a frame rate of {found.frame_rate:g} Hz; give the true one with --frame-rate")
+    return frame, 1.0 / found.frame_rate
 
 
 def _duration(frame: Array, t: Array) -> float:
@@ -252,7 +269,9 @@ def _duration(frame: Array, t: Array) -> float:
     if not span:
         raise ValueError("it must hold two frames or more")
     per_frame = float((t[last] - t[first]) / span)
-    if not per_frame > 0.0 or not (np.abs(t - t[first] - (frame - frame[first]) * per_frame) < JITTER).all():
+    rounding = next((10.0**-digits for digits in range(4) if (np.round(t, digits) == t).all()), 0.0)
+    tolerance = max(JITTER, 1.01 * rounding)  # half a digit, of both ends
+    if not per_frame > 0.0 or not (np.abs(t - t[first] - (frame - frame[first]) * per_frame) < tolerance).all():
         raise ValueError("its times t are not proportional to its frame numbers; leave one of them out with --columns")
     return per_frame
 
@@ -296,7 +315,7 @@ def _pieces(
     gone = same & (duration > 1.5 * step * scale)
     is_return = gone & (is_jump | (duration > max(LONGEST_GAP, 2.01 * step * scale)))
     is_jump &= ~gone
-    if is_jump.sum() > _RARE * same.sum():  # units, times or columns are wrong: the tracks will be refused
+    if is_jump.sum() > RARE * same.sum():  # units, times or columns are wrong: the tracks will be refused
         is_jump[:] = False
     cuts = np.flatnonzero(~same | is_return | is_jump) + 1
     parts = zip(np.split(ped, cuts), np.split(stamp, cuts), np.split(position, cuts), strict=True)
@@ -357,7 +376,7 @@ def _evened(pieces: Sequence[_Piece], step: float, is_frame: bool, jitter: float
             bridged += len(even) - len(stamp)
         evened.append((id, source, stamp[0] + even * step, interpolated(even, row, position)))
     if bridged:
-        notes.append(f"{bridged} positions in gaps of up to {LONGEST_GAP:g} s are bridged by straight lines")
+        notes.append(f"gaps of up to {LONGEST_GAP:g} s are bridged by straight lines: {counted(bridged, 'position')}")
     if shifted:
         notes.append(f"{shifted} positions at uneven times are moved to even ones, on straight lines")
     return sorted(evened, key=lambda piece: piece[0])

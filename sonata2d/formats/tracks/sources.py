@@ -17,6 +17,7 @@ import orjson
 
 from ...core.files.limits import MAX_CELLS
 from ...core.portable_math import Array
+from ...core.wording import counted
 from ..importing import load_json, numbers
 from .observations import LENGTHS, Observations, ids_of, people_and_robot, require_few
 
@@ -52,7 +53,7 @@ def trajnet(text: str) -> Observations:
         else:
             predictions += 1
     if not tracks:
-        only = f"{predictions} predictions of a model, but no recorded tracks; import the file that these come from"
+        only = f"{counted(predictions, 'prediction')} of a model, but no tracks; import the file that these come from"
         raise ValueError(f"it holds {only if predictions else 'no tracks'}")
     rates = {scene.get("fps") for scene in scenes} - {None}
     if len(rates) > 1:
@@ -69,7 +70,7 @@ def trajnet(text: str) -> Observations:
     position[~np.array(absent)] = numbers(present, ("x", "y"), "tracks")
     ped, notes = ids_of([f"{p:.0f}" for p in table[:, 1]])
     if predictions:
-        notes = (*notes, f"{predictions} predictions of a model are left out")
+        notes = (*notes, f"left out: {counted(predictions, 'prediction')} of a model")
     return Observations(ped, position, table[:, 0], None, "trajnet", unit=1.0, interval=1 / rate, notes=notes)
 
 
@@ -113,6 +114,8 @@ def vsp(text: str) -> Observations:
         total += (frame[-1] - frame[0]) / _UCY_STEP
         require_few(total, 1, sum(map(len, people)))
         at = np.arange(np.ceil(frame[0] / _UCY_STEP), np.floor(frame[-1] / _UCY_STEP) + 1) * _UCY_STEP
+        if not len(at):
+            notes.append(f"person {id} is seen between two of every {_UCY_STEP} frames only, and is left out")
         rows.append(np.stack((np.full(len(at), id), at, np.interp(at, frame, x), np.interp(at, frame, y)), axis=1))
     if not rows:
         raise ValueError("it holds no person with two control points or more")
@@ -218,6 +221,10 @@ def vadere(text: str, path: Path) -> Observations:
         ValueError: a column is missing, or a cell is not a number.
     """
     lines = [line.split() for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    if not lines:
+        raise ValueError("it has no rows")
+    if short := next((k for k, row in enumerate(lines) if len(row) < len(lines[0])), None):
+        raise ValueError(f"row {short} has {len(lines[short])} cells, not the {len(lines[0])} of its columns")
     names = [name.split("-")[0].lower() for name in lines[0]]
     wanted = ("pedestrianid", "simtime", "endtime", "startx", "starty", "endx", "endy")
     if missing := [name for name in wanted if name not in names]:
@@ -229,8 +236,9 @@ def vadere(text: str, path: Path) -> Observations:
     for id in np.unique(table[:, 0]):
         steps = table[table[:, 0] == id]
         steps = steps[np.argsort(steps[:, 1], kind="stable")]
-        times = np.append(steps[:, 1], steps[-1, 2])
-        places = np.vstack((steps[:, 3:5], steps[-1, 5:7]))
+        times, places = steps[:, 1:3].ravel(), steps[:, 3:7].reshape(-1, 2)  # who waits between two steps stands
+        order = np.argsort(times, kind="stable")
+        times, places = times[order], places[order]
         total += (times[-1] - times[0]) / _VADERE_STEP
         require_few(total, 1, len(table))
         at = np.arange(np.ceil(times[0] / _VADERE_STEP - 1e-9), np.floor(times[-1] / _VADERE_STEP + 1e-9) + 1)
@@ -253,11 +261,16 @@ def _vadere_walls(path: Path) -> tuple[Array, tuple[str, ...]]:
     others = [beside] if beside.is_file() else sorted(path.parent.glob("*.scenario"))
     if len(others) != 1:
         return np.zeros((0, 4)), ()
-    document = load_json(others[0], "Vadere scenario")
-    topography = document["scenario"]["topography"]
-    bounds = topography["attributes"]["bounds"]
-    x, y, right, top = bounds["x"], bounds["y"], bounds["x"] + bounds["width"], bounds["y"] + bounds["height"]
-    rings = [[[x, y], [right, y], [right, top], [x, top]], *map(_outline, topography["obstacles"])]
+    try:
+        topography = load_json(others[0], "Vadere scenario")["scenario"]["topography"]
+        bounds = topography["attributes"]["bounds"]
+        x, y, right, top = bounds["x"], bounds["y"], bounds["x"] + bounds["width"], bounds["y"] + bounds["height"]
+        rings = [[[x, y], [right, y], [right, top], [x, top]], *map(_outline, topography["obstacles"])]
+    except (KeyError, TypeError, ValueError) as error:
+        reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        raise ValueError(
+            f"{others[0].name} beside it, which holds its walls, is no scenario of Vadere: {reason}"
+        ) from error
     return np.concatenate([_ring(ring) for ring in rings]), (f"walls come from {others[0].name}",)
 
 
