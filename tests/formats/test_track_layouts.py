@@ -508,7 +508,8 @@ def test_who_waits_between_two_footsteps_stands(tmp_path: Path) -> None:
 def test_what_lies_beside_vadere_is_named_in_errors(tmp_path: Path) -> None:
     path = text_file(tmp_path, footsteps("1 0.0 1.0 0.0 0.0 1.0 0.0"), "a.traj")
     (tmp_path / "x.scenario").write_text('{"scenario": {"topography": {}}}')
-    assert "x.scenario beside it, which holds its walls, is no scenario of Vadere: 'attributes' is missing" in refusals(path)
+    line = refusals(path)
+    assert "x.scenario beside it, which holds its walls, is no scenario of Vadere: 'attributes' is missing" in line
     (tmp_path / "x.scenario").unlink()
     path.write_text("#IDXCOL=2,DATACOL=5,SEP=' '\n")
     assert "it has no rows" in refusals(path)

@@ -284,6 +284,8 @@ class Page:
         self._order: list[str] = []  # of the steps
         self._farthest = 0  # index of the farthest step that was shown
         self._ticks = ("", 0)  # step of the run on show, and its ticks
+        # What was asked for may be shown once, after views that were on their way before.
+        self._takes_back = self._replaces_run = False
         self._sent: dict[str, list[Any]] = {}  # answers by step
         self._turn = 0  # counts what the page has begun, so that a click that was planned before is void
 
@@ -339,7 +341,9 @@ class Page:
         if session is not None and not self._order:
             self._order = [step.id for step in session.participant.steps]
         place = self._order.index(self.step)
-        if place < self._farthest:
+        if place < self._farthest and self._takes_back and self.step.startswith("run"):
+            self._takes_back = False
+        elif place < self._farthest:
             raise Violation(f"{self.id}: {self._order[self._farthest]} was shown, then {self.step} again")
         self._farthest = place
         if "drive" in view:
@@ -352,7 +356,9 @@ class Page:
         step, ticks = self._ticks
         self._ticks = (self.step, self._view["drive"]["ticks"])
         is_safe = not (self.world.disk_failed or self.world.power_was_cut)
-        if is_safe and self.step == step and self._ticks[1] < ticks:
+        if self.step == step and self._ticks[1] < ticks and self._replaces_run:
+            self._replaces_run = False
+        elif is_safe and self.step == step and self._ticks[1] < ticks:
             raise Violation(f"{self.id}: {step} had {ticks} ticks, then {self._ticks[1]}")
 
     def _plan(self, delay: float) -> None:
@@ -389,7 +395,7 @@ class Page:
 
     def _answer(self, step: Any) -> None:
         if self.world.may_undo and self._view["canUndo"] and self.world.random.random() < 0.2:
-            self._farthest = min(k for k, id in enumerate(self._order) if id.startswith("run"))
+            self._takes_back = True
             self._send({"type": "undo"})
             return
         chosen = {
@@ -409,7 +415,7 @@ class Page:
             if drive["isPractice"]:
                 self._send({"type": "finish_practice", "run": run})
             elif chance() < 0.1 and drive["allowed"]["discard"]:
-                self._ticks = ("", 0)  # another scene replaces the run
+                self._replaces_run = True
                 self._send({"type": "discard", "run": run})
             else:
                 self._send({"type": "keep", "run": run})
