@@ -20,7 +20,7 @@ from .test_docs import LINK, anchors_of
 DOCS = Path(__file__).parent.parent / "docs"
 NOTEBOOKS = {path.stem: path for path in sorted((DOCS / "notebooks").glob("*.ipynb"))}
 LARGEST = 1_000_000  # bytes
-INSTALLATION = re.compile(r"`pip install (.*?)`")
+INSTALLATION = re.compile(r"`pip install -e (.*?)`")
 SMALL: dict[str, dict[str, int | float]] = {  # values with which each notebook takes some seconds
     "first-controller": {"TIME_LIMIT": 4.0, "SECONDS_OF_FILM": 1},
     "data-sets": {"EPISODES": 6, "SHOWN": 2},
