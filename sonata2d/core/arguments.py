@@ -47,17 +47,18 @@ def positive_number(name: str, value: object) -> float:
     return number
 
 
-def whole_number(name: str, value: object, least: int = 0) -> int:
+def whole_number(name: str, value: object, least: int = 0, most: int | None = None) -> int:
     """A number that an argument must be.
 
     Args:
         name: of the argument.
         value: what was given.
         least: the smallest valid number.
+        most: the largest valid number, None for no limit.
 
     Raises:
         TypeError: it is no whole number.
-        ValueError: it is too small.
+        ValueError: it is too small, or too large.
     """
     try:
         number = operator.index(value)  # type: ignore[arg-type]
@@ -65,4 +66,6 @@ def whole_number(name: str, value: object, least: int = 0) -> int:
         raise TypeError(f"{name} must be a whole number, got {shown(value)}") from None
     if number < least:
         raise ValueError(f"{name} must be {least} or more, got {number}")
+    if most is not None and number > most:
+        raise ValueError(f"{name} must be {most} or less, got {number}")
     return number

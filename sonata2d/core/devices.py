@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
 
+from .floats import FloatFields
 from .geometry import quantised
 
 View = Literal["follow", "top"]
@@ -50,7 +51,7 @@ class DeviceEvent:
 
 
 @dataclass(frozen=True, slots=True)
-class ImageRequest:
+class ImageRequest(FloatFields):
     """Size and view of the camera image that a controller requests.
 
     Attributes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from .portable_math import Array, BoolArray, IntArray
 from .vectors import X, Y, length, lengths
 
 _TOLERANCE = 1e-3  # m, by which ends of the pieces may be off their straight line, and apart
+_PAIRS_OF_BLOCK = 200_000  # compared at once, which bounds memory
 
 
 def wall_lines(walls: Sequence[Wall]) -> tuple[int, ...]:
@@ -20,15 +21,17 @@ def wall_lines(walls: Sequence[Wall]) -> tuple[int, ...]:
     round positions. The pieces of a curve do not, so that it is divided into pieces that are straight to 1 mm.
     """
     ends = np.array([(wall.start, wall.end) for wall in walls], dtype=float).reshape(-1, 2, 2)
-    members = [[k] for k in range(len(walls))]  # indices of the pieces of the straight wall of each wall, shared
-    for i, j in _joined_pairs(ends).tolist():
-        if members[i] is members[j]:
-            continue
-        both = members[i] + members[j]
-        if _is_straight(ends[both].reshape(1, -1, 2))[0]:
-            for k in both:
-                members[k] = both
-    return tuple(map(min, members))
+    line = np.arange(len(walls))
+    pieces = [np.array([k]) for k in range(len(walls))]  # of each line: indices of its walls
+    for pairs in _collinear_pairs(ends, line):
+        for i, j in pairs.tolist():
+            if line[i] == line[j]:
+                continue
+            both = np.concatenate((pieces[line[i]], pieces[line[j]]))
+            if _is_straight(ends[both].reshape(1, -1, 2))[0]:
+                first = min(line[i], line[j])
+                line[both], pieces[first] = first, both
+    return tuple(line.tolist())
 
 
 def straight_walls(walls: Sequence[Wall], lines: Sequence[int]) -> dict[int, Wall]:
@@ -49,19 +52,31 @@ def _joined(pieces: Sequence[Wall]) -> Wall:
     return Wall(other, far) if is_ahead else Wall(far, other)
 
 
-def _joined_pairs(ends: Array) -> IntArray:
-    """Pairs of collinear walls (W, 2, 2), m, without a gap between them: rows of two indices, ascending."""
+def _collinear_pairs(ends: Array, line: IntArray) -> Iterator[IntArray]:
+    """Pairs of collinear walls (W, 2, 2), m, without a gap between them: rows of two indices, ascending, in blocks.
+
+    Pairs that are on one line (W,) already, when their block begins, are left out.
+    """
     low, high = ends.min(axis=1), ends.max(axis=1) + _TOLERANCE
-    order = np.argsort(low[:, X], kind="stable")
-    # of the walls in the order of their left ends, those that begin before wall k ends
-    following = np.searchsorted(low[order, X], high[order, X], side="right") - np.arange(len(order)) - 1
-    first = np.repeat(np.arange(len(order)), following)
-    second = first + 1 + np.arange(len(first)) - np.repeat(np.add.accumulate(following) - following, following)
-    pairs = np.sort(np.stack((order[first], order[second]), axis=1), axis=1)
-    i, j = pairs.T
-    pairs = pairs[(low[i, Y] <= high[j, Y]) & (low[j, Y] <= high[i, Y])]
-    pairs = pairs[_is_straight(ends[pairs].reshape(-1, 4, 2))]
-    return np.asarray(pairs[np.lexsort(pairs.T[::-1])])
+    along, middle = ends[:, 1] - ends[:, 0], (ends[:, 0] + ends[:, 1]) / 2.0
+    rows = max(1, _PAIRS_OF_BLOCK // max(1, len(ends)))
+    for begin in range(0, len(ends), rows):
+        block = slice(begin, begin + rows)
+        meets = np.ones((len(low[block]), len(ends) - begin), dtype=bool)
+        for axis in (X, Y):
+            meets &= low[block, None, axis] <= high[None, begin:, axis]
+            meets &= low[None, begin:, axis] <= high[block, None, axis]
+        i, j = begin + np.stack(np.nonzero(np.triu(meets, 1)))
+        i, j = i[line[i] != line[j]], j[line[i] != line[j]]
+        near = _is_within(along[i], along[j]) & _is_within(along[i], middle[j] - middle[i])  # drops nearly all, cheaply
+        pairs = np.stack((i[near], j[near]), axis=1)
+        yield pairs[_is_straight(ends[pairs].reshape(-1, 4, 2))]
+
+
+def _is_within(along: Array, offset: Array) -> BoolArray:
+    """Whether walls (K, 2) and offsets (K, 2) from their middles, m, may lie within the tolerance of one line; (K,)."""
+    cross = np.abs(along[:, X] * offset[:, Y] - along[:, Y] * offset[:, X])
+    return np.asarray(cross <= 3.0 * _TOLERANCE * (lengths(along) + lengths(offset)))
 
 
 def _is_straight(points: Array) -> BoolArray:

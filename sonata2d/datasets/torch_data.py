@@ -129,14 +129,24 @@ def _labels(record: EpisodeRecord) -> dict[str, Array]:
     frames = [_flat("label", frame.get("label")) for frame in record.document["frames"]]
     found: dict[str, Array] = {}
     for name in dict.fromkeys(name for frame in frames for name in frame):
-        values = [frame[name] for frame in frames if name in frame]
-        if len({np.shape(value) for value in values}) == 1 and np.asarray(values).dtype.kind in "bfiu":
-            absent = np.full(np.shape(values[0]), math.nan)
-            found[name] = np.array([frame.get(name, absent) for frame in frames], dtype=float)
+        values = [_numbers(frame[name]) for frame in frames if name in frame]
+        first = values[0]
+        if first is not None and all(value is not None and value.shape == first.shape for value in values):
+            present, absent = iter(values), np.full(first.shape, math.nan)
+            found[name] = np.array([next(present) if name in frame else absent for frame in frames])
     for name, value in _flat("run_label", record.label).items():
-        if np.asarray(value).dtype.kind in "bfiu":
-            found[name] = np.asarray(value, dtype=float)
+        if (numbers := _numbers(value)) is not None:
+            found[name] = numbers
     return found
+
+
+def _numbers(value: Any) -> Array | None:
+    """A label as an array; None if it holds something else, or rows of unequal length."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        return None
+    return array.astype(float) if array.dtype.kind in "bfiu" else None
 
 
 def _flat(name: str, label: Any) -> dict[str, Any]:

@@ -60,10 +60,7 @@ class Sizes:
 
     def __post_init__(self) -> None:
         for name, number in asdict(self).items():
-            rows = whole_number(f"the number of rows of {name}", number, 1)
-            if rows > MAX_ROWS:
-                raise ValueError(f"the number of rows of {name} must be {MAX_ROWS} or less, got {rows}")
-            object.__setattr__(self, name, rows)
+            object.__setattr__(self, name, whole_number(f"the number of rows of {name}", number, 1, MAX_ROWS))
 
     @classmethod
     def of(cls, config: ScenarioConfig) -> Sizes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -11,11 +12,20 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
 
+from ..core.arguments import whole_number
 from .env import Env, SocialNavEnv
 from .pipeline import restore
 from .wrappers import stacked
 
 _Flags = NDArray[np.bool_]
+
+
+def _made(wrappers: Sequence[Callable[[Env], Env]], arguments: Mapping[str, Any]) -> Env:
+    """One environment; a function of the module, so that the vector environment can be pickled."""
+    env: Env = SocialNavEnv(**arguments)
+    for wrapper in wrappers:
+        env = wrapper(env)
+    return env
 
 
 class SocialNavVectorEnv(SyncVectorEnv):
@@ -33,6 +43,7 @@ class SocialNavVectorEnv(SyncVectorEnv):
         kwargs: arguments of `SocialNavEnv`.
 
     Raises:
+        TypeError: the number is no whole number.
         ValueError: the number is below 1.
 
     >>> import gymnasium, sonata2d.gym
@@ -50,18 +61,10 @@ class SocialNavVectorEnv(SyncVectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         **kwargs: Any,
     ) -> None:
-        if not isinstance(num_envs, int | np.integer) or num_envs < 1:
-            raise ValueError(f"num_envs must be an integer of 1 or more, got {num_envs!r}")
-
-        def make() -> Env:
-            env: Env = SocialNavEnv(**kwargs)
-            for wrapper in wrappers:
-                env = wrapper(env)
-            return env
-
+        num_envs = whole_number("num_envs", num_envs, 1)
         is_name = isinstance(autoreset_mode, str) and autoreset_mode in AutoresetMode.__members__
         mode = AutoresetMode[str(autoreset_mode)] if is_name else AutoresetMode(autoreset_mode)
-        super().__init__([make] * int(num_envs), autoreset_mode=mode)
+        super().__init__([partial(_made, tuple(wrappers), kwargs)] * num_envs, autoreset_mode=mode)
         self._needs_reset = True
 
     def reset(

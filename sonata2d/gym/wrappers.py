@@ -19,6 +19,7 @@ from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 from gymnasium.wrappers import NormalizeObservation
 
 from ..core.arguments import finite_number, positive_number, whole_number
+from ..core.files.limits import MAX_OBSERVATION, MAX_ROWS
 from ..core.furniture_types import OBJECT_TYPES
 from ..core.portable_math import PI, Array, BoolArray, unit_vectors
 from ..core.relations import ACTIVITIES, RELATIONS
@@ -294,7 +295,7 @@ class Lidar(EpisodeWrapper):
     """
 
     def __init__(self, env: Env, rays: int = 72, distance: float = 10.0, keep: bool = False) -> None:
-        rays, self._distance = whole_number("rays", rays, 1), positive_number("distance", distance)
+        rays, self._distance = whole_number("rays", rays, 1, MAX_ROWS), positive_number("distance", distance)
         super().__init__(env, rays=rays, distance=self._distance, keep=keep)
         space = self._parts()
         parts = [part.name for part in self._base.encoder.parts if part.about <= {"robot", "goal"}]
@@ -396,12 +397,13 @@ class History(EpisodeWrapper):
     """
 
     def __init__(self, env: Env, length: int = 4) -> None:
+        self._length = length = whole_number("length", length, 1)
         super().__init__(env, length=length)
-        if not (isinstance(length, int | np.integer) and length >= 1):
-            raise ValueError(f"length must be an integer of 1 or more, got {length!r}")
-        self._length = length
-        self._past: deque[Any] = deque(maxlen=int(length))
-        self.observation_space: spaces.Space[Any] = batch_space(env.observation_space, int(length))
+        numbers = length * spaces.flatdim(env.observation_space)
+        if numbers > MAX_OBSERVATION:
+            raise ValueError(f"{length} observations are {numbers} numbers, of which there may be {MAX_OBSERVATION}")
+        self._past: deque[Any] = deque(maxlen=length)
+        self.observation_space: spaces.Space[Any] = batch_space(env.observation_space, length)
 
     def begin(self) -> None:
         self._past.clear()

@@ -128,6 +128,7 @@ _SolidOutline = Annotated[
     | Annotated[Rectangle, _FileForm("RectangleShape", type=Literal["rectangle"])],
     Discriminator("type"),
 ]
+_Entities = Annotated[list[T], Field(max_length=MAX_COUNT)]  # those that each other entity is compared with
 _Contact = Annotated[Contact, _FileForm(id=Id)]
 _Event = Annotated[DeviceEvent, _FileForm("Event")]
 _AskedLabel = Annotated[LabelSpec, _FileForm(kind=Literal["yes_no", "classes", "slider", "text"])]
@@ -293,11 +294,11 @@ class Episode(Part):
     )
     rules: _InFile[Rules]
     room: Room
-    walls: list[tuple[Number, Number, Number, Number]] = Field(description="x1, y1, x2, y2, m, world frame")
-    objects: list[Annotated[Furniture, _FileForm("Object", shape=_SolidOutline)]]
-    doors: list[_InFile[Door]] = Field(description="through which pedestrians enter and leave")
-    queues: list[_InFile[Queue]] = Field(description="in which pedestrians stand in line")
-    places: list[_InFile[Place]] = Field(description="of interest, to which wandering pedestrians go")
+    walls: _Entities[tuple[Number, Number, Number, Number]] = Field(description="x1, y1, x2, y2, m, world frame")
+    objects: _Entities[Annotated[Furniture, _FileForm("Object", shape=_SolidOutline)]]
+    doors: _Entities[_InFile[Door]] = Field(description="through which pedestrians enter and leave")
+    queues: _Entities[_InFile[Queue]] = Field(description="in which pedestrians stand in line")
+    places: _Entities[_InFile[Place]] = Field(description="of interest, to which wandering pedestrians go")
     humans: list[_InFile[Human]] = Field(description="in the order of the rows in frames")
     groups: list[_InFile[Group]]
     interactions: list[_InteractionRow] = Field(description="at the start: [src, relation, dst]")

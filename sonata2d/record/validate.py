@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import orjson
 
 from ..core.entities import ROBOT_ID, is_seat_by_type
+from ..core.files.limits import MAX_COUNT
 from ..core.labels import LabelSpec
 from ..core.relations import ACTIVITIES, RELATIONS
 from ..core.scene import Scene
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 Finding = tuple[str, str]  # place, such as `frames.3.robot`, and what is wrong
 
 _ENTITIES = ("humans", "objects", "groups", "doors", "queues", "places")  # the first two share their ids
+_FIXTURES = ("walls", "objects", "doors", "queues", "places")
 _MAX_FINDINGS = 100  # of the schema: of each list the first faulty entry
 
 
@@ -52,10 +54,17 @@ def consistent_scene(scene: Scene) -> JsonDict:
     """`scene_to_json` of a scene whose file can be read.
 
     Raises:
-        RecordError: ids are not unique, references refer to nothing, or a number is not finite.
+        RecordError: ids are not unique, references refer to nothing, a number is not finite, or there are more
+            walls, objects, doors, queues or places than a file may hold.
     """
     document = scene_to_json(scene)
-    for place, message in _id_findings(document):
+    fixtures = {"room.polygon": document["room"]["polygon"], **{name: document[name] for name in _FIXTURES}}
+    excesses = [
+        (place, f"there are {len(entries)}, of which a file may hold {MAX_COUNT}")
+        for place, entries in fixtures.items()
+        if len(entries) > MAX_COUNT
+    ]
+    for place, message in excesses or _id_findings(document):
         raise RecordError(f"the scene {scene.name} cannot be recorded: {place}: {message}")
     return document
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, SupportsIndex
 
 from ..agents.controllers.base import Controller, External, Regenerate, Stop, recorded_path, require_controller
 from ..agents.pedestrians.crowd import Crowd
@@ -110,6 +110,12 @@ class Episode(Drawable):
         state = "running" if self.outcome is None else self.outcome.status
         ticks = counted(len(self.past), "tick")
         return f"<Episode of {self.scene.title}: {type(self.controller).__name__}, {ticks}, {state}>"
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> str | tuple[Any, ...]:
+        raise TypeError(
+            "an episode cannot be copied or pickled; Episode(episode.scene, controller, past=episode.past) makes "
+            "another one, which continues from its present tick"
+        )
 
     def _facts(self) -> dict[str, object]:
         ticks = len(self.past)

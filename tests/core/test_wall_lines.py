@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import random
+import tracemalloc
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
@@ -115,6 +117,70 @@ def test_walls_with_a_gap_or_an_angle_or_in_parallel_are_several() -> None:
     assert wall_lines([Wall(A, B), *pieces(-3.0, 3.0, y=1.0011)]) == (0, 1)
     assert wall_lines([Wall((0.0, 0.0), (0.0, 2.0)), Wall((-1.0, 1.0), (1.0, 1.0))]) == (0, 1)
     assert wall_lines([]) == ()
+
+
+def random_walls(seed: int) -> list[Wall]:
+    """Straight walls in pieces, in any order and direction, with gaps, overlaps and ends off the line near 1 mm."""
+    rng, walls = random.Random(seed), list[Wall]()
+    for _ in range(rng.randint(1, 6)):
+        at, turn = (
+            np.array([rng.uniform(-5.0, 5.0), rng.uniform(-5.0, 5.0)]),
+            rng.choice((0.0, 1.5, rng.uniform(0.0, 7.0))),
+        )
+        along, cuts = (
+            np.array([math.cos(turn), math.sin(turn)]),
+            sorted(rng.uniform(0.0, 9.0) for _ in range(rng.randint(2, 9))),
+        )
+        for a, b in pairwise(cuts):
+            off = rng.choice((0.0, 0.0, 0.0003, 0.001, 0.002))
+            end = b + rng.choice((0.0, 0.0, 0.2, 0.0008, -0.1))
+            ends = [tuple((at + along * k + rng.uniform(-off, off)).round(4).tolist()) for k in (a, end)]
+            rng.shuffle(ends)
+            walls += [Wall(*ends)] if ends[0] != ends[1] else []
+    rng.shuffle(walls)
+    return walls
+
+
+def is_straight(points: list[tuple[float, float]]) -> bool:
+    """Whether all points are within 1 mm of the line through the point farthest from the first, and the one from it."""
+    far = max(points, key=lambda point: math.dist(point, points[0]))
+    x, y = (a - b for a, b in zip(max(points, key=lambda point: math.dist(point, far)), far, strict=True))
+    return all(abs(x * (q - far[1]) - y * (p - far[0])) <= 1e-3 * math.hypot(x, y) for p, q in points)
+
+
+def plain_wall_lines(walls: list[Wall]) -> list[int]:
+    """The rule as a plain loop over all pairs."""
+    members = [[k] for k in range(len(walls))]
+    ends = [[wall.start, wall.end] for wall in walls]
+    for i, j in combinations(range(len(walls)), 2):
+        near = all(
+            min(ends[a][0][k], ends[a][1][k]) <= max(ends[b][0][k], ends[b][1][k]) + 1e-3
+            for a, b in ((i, j), (j, i))
+            for k in (0, 1)
+        )
+        both = members[i] + members[j]
+        is_pair = near and members[i] is not members[j] and is_straight(ends[i] + ends[j])
+        if is_pair and is_straight([end for k in both for end in ends[k]]):
+            for k in both:
+                members[k] = both
+    return [min(group) for group in members]
+
+
+def test_lines_are_those_of_a_plain_loop_over_all_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
+    for seed in range(300):
+        walls = random_walls(seed)
+        monkeypatch.setattr("sonata2d.core.wall_lines._PAIRS_OF_BLOCK", 40 if seed % 2 else 200_000)
+        assert list(wall_lines(walls)) == plain_wall_lines(walls), f"seed {seed}"
+
+
+def test_memory_of_many_parallel_walls_is_bounded() -> None:
+    """All boxes around 4 000 slanting walls overlap: 8 million pairs."""
+    walls = [Wall((0.0, 0.01 * k), (50.0, 50.0 + 0.01 * k)) for k in range(4000)]
+    tracemalloc.start()
+    assert wall_lines(walls) == tuple(range(4000))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 50_000_000
 
 
 def test_a_round_wall_of_short_pieces_is_no_straight_wall() -> None:

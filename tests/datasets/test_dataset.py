@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import sys
 from contextlib import contextmanager
@@ -153,7 +154,10 @@ def test_tensors_hold_all_that_behaviour_cloning_needs(tmp_path: Path) -> None:
         np.testing.assert_array_equal(item["executed"].numpy(), record.executed)
         np.testing.assert_array_equal(item["label.near"].numpy(), [frame["label"]["near"] for frame in frames])
         assert item["label.twist"].tolist() == [frame["label"]["twist"] for frame in frames]
-        assert "label.word" not in item
+        assert item.keys().isdisjoint({"label.word", "label.uneven", "label.longer"})
+        np.testing.assert_array_equal(
+            item["label.even.t"].numpy(), [(math.nan, 1.0)[k % 2] for k in range(len(frames))]
+        )
     batch = next(iter(torch.utils.data.DataLoader(data, batch_size=3, collate_fn=data.collate)))
     assert batch["frames"].tolist() == [len(record) for record in runs]
     for k, record in enumerate(runs):
@@ -167,7 +171,13 @@ def test_tensors_hold_all_that_behaviour_cloning_needs(tmp_path: Path) -> None:
 
 class Labelling(s2.StraightToGoal):
     def label(self, snapshot: s2.Snapshot, twist: s2.Twist) -> dict[str, Any]:
-        return {"near": s2.clearance(snapshot) < 1.0, "twist": [twist.vx, twist.vy, twist.omega], "word": "x"}
+        label = {"near": s2.clearance(snapshot) < 1.0, "twist": [twist.vx, twist.vy, twist.omega], "word": "x"}
+        return {
+            **label,
+            "uneven": [[1], [1, 2]],
+            "longer": [1] * (1 + snapshot.tick),
+            "even": {"t": snapshot.tick % 2} if snapshot.tick % 2 else {},
+        }
 
 
 def test_pictures(dataset: s2.Dataset, tmp_path: Path) -> None:

@@ -279,6 +279,22 @@ def test_repeated_rows_count_once_and_two_places_name_the_person(tmp_path: Path)
     )
 
 
+@pytest.mark.parametrize(("absent", "jumps"), [({1}, 6), ({1, 2, 3, 4, 5}, 30)])
+def test_a_position_that_stands_for_absence_is_named(tmp_path: Path, absent: set[int], jumps: int) -> None:
+    """Few absences are cut out of the tracks, with a doubt; with many of them the file is refused."""
+    rows = [
+        (k, p, *((-999, -999) if k in (10, 11, 40, 60) and p in absent else (0.12 * k, p)))
+        for k in range(160)
+        for p in range(1, 6)
+    ]
+    path = text_file(tmp_path, "\n".join(["frame,ped,x,y", *(",".join(map(str, row)) for row in rows)]))
+    remark = f"{jumps} jumps begin or end at (-999, -999) m; if it stands for a person who is not observed, leave"
+    if len(absent) > 1:
+        assert remark in refusals(path, frame_rate=10.0)
+    else:
+        assert remark in imported(path, frame_rate=10.0)[1]["doubts"][0]
+
+
 def test_rare_jumps_divide_a_track_and_are_doubted(tmp_path: Path) -> None:
     rows = walk(0, 100, 1, 0.0) + [(k, 1, x + 3.0, y) for k, _, x, y in walk(100, 200, 1, 12.5)]
     record, facts = imported(rows_file(tmp_path, rows), frame_rate=10)

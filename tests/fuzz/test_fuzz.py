@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from sonata2d.errors import ControllerError
+from sonata2d.formats.tracks.observations import require_few
 from sonata2d.learning.weights import read_weights
 
 pytest.importorskip("resource", reason="needs the limits of POSIX systems")
@@ -67,6 +68,11 @@ def test_sparse_tracks_are_refused_before_memory_is_allocated(tmp_path: Path) ->
     (tmp_path / "000000.csv").write_text("\n".join(rows))
     with pytest.raises(Refusal, match="6000 positions spread over 6000 frames of 3000 people"):
         imported("csv", tmp_path / "000000.csv")
+    (tmp_path / "000000.csv").write_text("0,1,0,0\n1,1,0,0\n66998,2,0,0\n66999,2,0,0")
+    with pytest.raises(Refusal, match="4 positions spread over 67000 frames of 2 people; the limit is 63636 frames"):
+        imported("csv", tmp_path / "000000.csv")  # a frame takes memory by itself
+    for frames, people, positions in ((1807, 390, 6544), (1934, 360, 8908), (63_000, 2, 4)):
+        require_few(frames, people, positions)  # the first two are the recordings of ETH
     lines = [{"track": {"f": f, "p": 2**36, "x": 0, "y": 0}} for f in (0, 1, 10**10)]
     (tmp_path / "a.ndjson").write_text("\n".join(map(json.dumps, lines)))
     with pytest.raises(Refusal, match="frames of 2 people"):

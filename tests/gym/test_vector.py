@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +72,13 @@ def test_processes_of_gymnasium_give_the_same_bits() -> None:
     assert own.call("get_state") == others.call("get_state")
     own.close()
     others.close()
+
+
+def test_environments_can_be_pickled_and_copied() -> None:
+    envs = s2g.SocialNavVectorEnv(2, wrappers=[s2g.Flat], scenario="lively", settings=SHORT)
+    first, _ = envs.reset(seed=5)
+    for other in (pickle.loads(pickle.dumps(envs)), copy.deepcopy(envs)):
+        assert equal(other.reset(seed=5)[0], first)
 
 
 def test_make_vec() -> None:
@@ -216,9 +225,10 @@ def test_statistics_of_gymnasium_can_be_added() -> None:
 
 
 def test_bad_arguments_are_named() -> None:
-    for name, wrong in (("num_envs", 0), ("num_envs", 1.5)):
-        with pytest.raises(ValueError, match=f"{name} .* got {wrong}"):
-            s2g.SocialNavVectorEnv(**{name: wrong})  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"num_envs .* got 0"):
+        s2g.SocialNavVectorEnv(0)
+    with pytest.raises(TypeError, match=r"num_envs .* got 1\.5"):
+        s2g.SocialNavVectorEnv(1.5)  # type: ignore[arg-type]
     envs = s2g.SocialNavVectorEnv(2, scenario="empty")
     with pytest.raises(ValueError, match=r"the first reset, .* must reset all"):
         envs.reset(options={"reset_mask": np.array([True, False])})

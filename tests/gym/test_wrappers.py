@@ -294,6 +294,19 @@ def test_the_error_of_an_order_names_one_that_works() -> None:
     assert s2g.History(s2g.Lidar(env, rays=np.int64(8)), length=np.int64(2)).reset(seed=0)[0]["lidar"].shape == (2, 8)  # type: ignore[arg-type]
 
 
+def test_observations_of_any_size_are_refused() -> None:
+    """A file of a policy names wrappers and their numbers."""
+    env = s2g.SocialNavEnv("empty")
+    with pytest.raises(ValueError, match="rays must be 200000 or less, got 100000000"):
+        s2g.Lidar(env, rays=10**8)
+    with pytest.raises(ValueError, match=r"100000000 observations are .* numbers, of which there may be 20000000"):
+        s2g.History(env, length=10**8)
+    with pytest.raises(ValueError, match="numbers, of which there may be"):
+        s2g.History(s2g.History(s2g.Flat(env), length=2000), length=2000)
+    with pytest.raises(TypeError, match=r"length must be a whole number, got 2\.5"):
+        s2g.History(env, length=2.5)  # type: ignore[arg-type]
+
+
 def test_two_noises_differ() -> None:
     plain, twice = (wrap(s2g.SocialNavEnv("crowded-hall")) for wrap in (lambda env: env, two_noises))
     differences = np.concatenate(

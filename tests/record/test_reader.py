@@ -230,6 +230,7 @@ def test_a_damaged_document_is_an_error_that_names_the_file(episode: Path, chang
         (set_value("frames", 3, "time", 9.5), r"frames.4.time: is 0.4 s, but 9.5 s in the state before"),
         (set_value("frames", 3, "activity", 0, 8), "frames.3.activity.0: 8 is not in the list"),
         (set_value("room", "polygon", [[0.0, 0.0]] * 100_000), "room.polygon: List should have at most 10000 items"),
+        (set_value("walls", [[0.0, 0.0, 1.0, 0.0]] * 10_001), "walls: List should have at most 10000 items"),
         (set_value("frames", 3, "robot", 0, 1e200), "frames.3.robot.0: Input should be less than"),
         (set_value("frames", 3, "interactions", [[1, "talking", 9]]), "talking of 1 and 9: unknown entity"),
         (set_value("frames", 3, "label", json.loads("[" * 300 + "]" * 300)), "frames: values are nested more than 250"),

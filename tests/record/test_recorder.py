@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from sonata2d.core.devices import DeviceEvent
-from sonata2d.core.entities import Interaction
+from sonata2d.core.entities import Interaction, Wall
 from sonata2d.core.geometry import Twist, canonical_angle, quantised
 from sonata2d.core.humans import VY
 from sonata2d.core.portable_math import angle_of, unit_vector
@@ -110,6 +110,12 @@ def test_an_episode_without_frames_and_people_reads_back(tmp_path: Path) -> None
     record = read_episode(tmp_path / "short.json")
     assert (len(record), record.humans.shape, record.command.shape) == (0, (0, 0, 7), (0, 3))
     assert record.scene() == of
+
+
+def test_a_scene_with_more_walls_than_a_file_may_hold_is_refused_at_its_start() -> None:
+    many = replace(scene(), walls=(Wall((-1.0, 2.0), (1.0, 2.0)),) * 10_001)
+    with pytest.raises(RecordError, match="cannot be recorded: walls: there are 10001, of which a file may hold 10000"):
+        EpisodeRecorder().open(many, CONTROLLER_INFO)
 
 
 @pytest.mark.parametrize("error", [ValueError("no way"), KeyboardInterrupt()])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -275,6 +277,17 @@ def test_a_controller_is_an_object(given: Any, remedy: str) -> None:
     for use in (partial(s2.Episode, scene), s2.check_controller):
         with pytest.raises(TypeError, match=remedy):
             use(given)
+
+
+def test_a_copy_of_an_episode_names_what_continues_from_its_tick(busy: Scene) -> None:
+    episode = s2.Episode(busy, s2.SocialPlanner())
+    for _ in range(3):
+        episode.step()
+    for copied in (copy.copy, copy.deepcopy, pickle.dumps):
+        with pytest.raises(TypeError, match=r"cannot be copied or pickled; Episode\(episode.scene, controller, past="):
+            copied(episode)  # type: ignore[operator]
+    other = s2.Episode(episode.scene, s2.SocialPlanner(), past=episode.past)
+    assert other.observe().tick == 3
 
 
 def test_observers_are_a_list() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, clipped, gap, rotation, to_shoulder_line
 from ...core.entities import Robot
+from ...core.floats import FloatFields
 from ...core.geometry import Barriers, Point, Twist
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.portable_math import Array, BoolArray, IntArray
@@ -222,7 +223,7 @@ def _candidate_velocities(robot: Robot) -> list[Point]:
 
 
 @dataclass(frozen=True, slots=True)
-class Weights:
+class Weights(FloatFields):
     """Cost of each concern, where a metre of open ground still to go costs 1. The names are recorded as settings.
 
     Attributes:

@@ -25,14 +25,17 @@ MAX_SCENARIO_KEYS = 1000  # of one mapping
 MAX_NAME = 255  # characters of the name of a scenario
 MAX_SCENARIO_VALUES = 1_000_000  # with all that aliases repeat
 
-# Ticks times pedestrians of one imported episode, absent pedestrians included: an episode has a row for each. Tracks
-# may have the larger one of the first two, but never more than the third.
-MAX_CELLS_WITHOUT_RATIO = 300_000
+# Cells of one imported episode: each tick has one for each pedestrian, absent pedestrians included, and as much as
+# `CELLS_OF_FRAME` of its own. A cell takes 300 bytes of memory. Tracks may have the larger one of the first two
+# limits, but never more than the third. The recording `hotel` of ETH has 740 000 cells, 114 for each observation.
+CELLS_OF_FRAME = 20
+MAX_CELLS_WITHOUT_RATIO = 1_400_000
 MAX_CELLS_PER_OBSERVATION = 100
 MAX_CELLS = 20_000_000
 MAX_ID = 1 << 53  # of pedestrians, objects and groups: exact also in programs that hold all numbers as double
 MAX_TRACK_POINTS = 1_000_000  # of one pedestrian of a scenario, interpolated at the ticks: more than a day at 0.1 s
 MAX_PERSON_SPEED = 8.0  # m/s, in recorded tracks: people do not run faster, so that a faster step is an error
 MAX_ROWS = 200_000  # of one kind in an observation, as files of policies ask for them
+MAX_OBSERVATION = 20_000_000  # numbers of several observations together
 MAX_GRID_CELLS = 4000  # per side of an occupancy grid
 MAX_SUBSTEPS = 1000  # physics steps of one tick, and iterations of the contact solver

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.bounds import MAX_MAGNITUDE
-from ...core.files.limits import MAX_CELLS, MAX_CELLS_PER_OBSERVATION, MAX_CELLS_WITHOUT_RATIO, MAX_ID
+from ...core.files.limits import CELLS_OF_FRAME, MAX_CELLS, MAX_CELLS_PER_OBSERVATION, MAX_CELLS_WITHOUT_RATIO, MAX_ID
 from ...core.portable_math import Array, BoolArray, IntArray
 
 LENGTHS = {
@@ -117,11 +117,12 @@ def require_few(frames: float, people: int, observed: int) -> None:
     Raises:
         ValueError: there are more than `files.limits` allows.
     """
-    limit = min(max(MAX_CELLS_WITHOUT_RATIO, MAX_CELLS_PER_OBSERVATION * observed), MAX_CELLS)
-    if frames * people > limit:
+    cells = min(max(MAX_CELLS_WITHOUT_RATIO, MAX_CELLS_PER_OBSERVATION * observed), MAX_CELLS)
+    limit = cells // (people + CELLS_OF_FRAME)
+    if frames > limit:
         raise ValueError(
             f"its {observed} positions spread over {frames:.0f} frames of {people} people; the limit is {limit} frames"
-            " times people in one episode, so divide it by time"
+            " of so many people in one episode, so divide it by time"
         )
 
 

@@ -6,6 +6,8 @@ import csv
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import compress
+from operator import not_
 from pathlib import Path
 
 import numpy as np
@@ -179,21 +181,11 @@ def _assembled(found: Observations, options: Options, path: Path) -> Tracks:
     stamp, seconds_per_stamp = _stamps(found, seen, options, path)
     order = np.lexsort((stamp, ped))
     ped, position, stamp = ped[order], position[order], stamp[order]
-    repeated = np.zeros(len(ped), dtype=bool)
-    repeated[1:] = (np.diff(ped) == 0) & (np.diff(stamp) == 0)
+    is_frame = found.frame is not None
+    repeated = _repeated(ped, position, stamp, is_frame)
     if repeated.any():
-        same = (position[1:] == position[:-1]).all(axis=1)
-        if (repeated[1:] & ~same).any():
-            k = int(np.argmax(repeated[1:] & ~same))
-            (x, y), (u, v) = position[k].tolist(), position[k + 1].tolist()
-            at = f"frame, {stamp[k]:.15g}" if found.frame is not None else f"moment, {stamp[k]:g} s"
-            raise ValueError(
-                f"person {ped[k]} is in two places in one {at}: ({x:g}, {y:g}) and ({u:g}, {v:g}); give the second"
-                " person another id"
-            )
         notes.append(f"{counted(int(repeated.sum()), 'row')} repeated: what is there twice counts once")
         ped, position, stamp = ped[~repeated], position[~repeated], stamp[~repeated]
-    is_frame = found.frame is not None
     step = _step(ped, stamp, is_frame)
     given = _given_duration(options)
     if not is_frame and given is not None:
@@ -212,20 +204,39 @@ def _assembled(found: Observations, options: Options, path: Path) -> Tracks:
     even = _evened(pieces, step, is_frame, JITTER / scale, notes)
     origin = min(float(times[0]) for _, _, times, _ in even)
     people = [Track(id, (times - origin) * scale, places, groups.get(source, 0)) for id, source, times, places in even]
-    robots = [track for track, (_, source, _, _) in zip(people, even, strict=True) if source == found.robot]
-    if len(robots) > 1:
-        robots = [max(robots, key=lambda track: len(track.time))]
+    is_robot = [source == found.robot for _, source, _, _ in even]
+    if sum(is_robot) > 1:
         notes.append("the robot's track has long gaps; its longest part counts")
     return Tracks(
-        people=tuple(track for track, (_, source, _, _) in zip(people, even, strict=True) if source != found.robot),
+        people=tuple(compress(people, map(not_, is_robot))),
         interval=interval,
         layout=found.layout,
         has_groups=group is not None,
         walls=found.walls,
-        robot=robots[0] if robots else None,
+        robot=max(compress(people, is_robot), key=lambda track: len(track.time), default=None),
         notes=tuple(notes),
         doubts=tuple(doubts),
     )
+
+
+def _repeated(ped: IntArray, position: Array, stamp: Array, is_frame: bool) -> BoolArray:
+    """Mark the observations, ordered by person and stamp, that repeat the one before; (M,).
+
+    Raises:
+        ValueError: a person is in two places at once.
+    """
+    repeated = np.zeros(len(ped), dtype=bool)
+    repeated[1:] = (np.diff(ped) == 0) & (np.diff(stamp) == 0)
+    other = repeated[1:] & (position[1:] != position[:-1]).any(axis=1)
+    if other.any():
+        k = int(np.argmax(other))
+        (x, y), (u, v) = position[k].tolist(), position[k + 1].tolist()
+        at = f"frame, {stamp[k]:.15g}" if is_frame else f"moment, {stamp[k]:g} s"
+        raise ValueError(
+            f"person {ped[k]} is in two places in one {at}: ({x:g}, {y:g}) and ({u:g}, {v:g}); give the second person"
+            " another id"
+        )
+    return repeated
 
 
 def _given_duration(options: Options) -> float | None:
@@ -315,6 +326,8 @@ def _pieces(
     gone = same & (duration > 1.5 * step * scale)
     is_return = gone & (is_jump | (duration > max(LONGEST_GAP, 2.01 * step * scale)))
     is_jump &= ~gone
+    if absence := _absence(np.concatenate((position[:-1][is_jump], position[1:][is_jump]))):
+        doubts.append(absence)
     if is_jump.sum() > RARE * same.sum():  # units, times or columns are wrong: the tracks will be refused
         is_jump[:] = False
     cuts = np.flatnonzero(~same | is_return | is_jump) + 1
@@ -339,6 +352,18 @@ def _pieces(
                 f"person {ped[k]} {reason.format(seconds[k], seconds[k + 1])}{more}; what follows has a new id"
             )
     return pieces
+
+
+def _absence(ends: Array) -> str | None:
+    """Remark on a position, such as (-999, -999), from and to which people jump again and again; ends (K, 2), m."""
+    places, counts = np.unique(ends, axis=0, return_counts=True)
+    if counts.max(initial=0) < 3:  # one absence is two jumps, as is one fault of a track
+        return None
+    x, y = places[counts.argmax()].tolist()
+    return (
+        f"{counts.max()} jumps begin or end at ({x:g}, {y:g}) m; if it stands for a person who is not observed, leave"
+        " these cells empty"
+    )
 
 
 def _evened(pieces: Sequence[_Piece], step: float, is_frame: bool, jitter: float, notes: list[str]) -> list[_Piece]:
