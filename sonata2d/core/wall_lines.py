@@ -30,7 +30,8 @@ def wall_lines(walls: Sequence[Wall]) -> tuple[int, ...]:
             both = np.concatenate((pieces[line[i]], pieces[line[j]]))
             if _is_straight(ends[both].reshape(1, -1, 2))[0]:
                 first = min(line[i], line[j])
-                line[both], pieces[first] = first, both
+                line[both] = first
+                pieces[first] = both
     return tuple(line.tolist())
 
 

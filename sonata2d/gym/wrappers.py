@@ -401,7 +401,7 @@ class History(EpisodeWrapper):
         super().__init__(env, length=length)
         numbers = length * spaces.flatdim(env.observation_space)
         if numbers > MAX_OBSERVATION:
-            raise ValueError(f"{length} observations are {numbers} numbers, of which there may be {MAX_OBSERVATION}")
+            raise ValueError(f"{length} observations hold {numbers} numbers; the limit is {MAX_OBSERVATION}")
         self._past: deque[Any] = deque(maxlen=length)
         self.observation_space: spaces.Space[Any] = batch_space(env.observation_space, length)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -58,15 +59,17 @@ def consistent_scene(scene: Scene) -> JsonDict:
             walls, objects, doors, queues or places than a file may hold.
     """
     document = scene_to_json(scene)
-    fixtures = {"room.polygon": document["room"]["polygon"], **{name: document[name] for name in _FIXTURES}}
-    excesses = [
-        (place, f"there are {len(entries)}, of which a file may hold {MAX_COUNT}")
-        for place, entries in fixtures.items()
-        if len(entries) > MAX_COUNT
-    ]
-    for place, message in excesses or _id_findings(document):
+    for place, message in chain(_count_findings(document), _id_findings(document)):
         raise RecordError(f"the scene {scene.name} cannot be recorded: {place}: {message}")
     return document
+
+
+def _count_findings(document: JsonDict) -> Iterator[Finding]:
+    """Lists that are longer than the schema allows, for a scene that is not compared with the schema."""
+    fixtures = {"room.polygon": document["room"]["polygon"]} | {key: document[key] for key in _FIXTURES}
+    for place, entries in fixtures.items():
+        if len(entries) > MAX_COUNT:
+            yield place, f"there are {len(entries)}; the limit is {MAX_COUNT}"
 
 
 def _findings(document: Any) -> Iterator[Finding]:

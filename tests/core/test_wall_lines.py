@@ -123,14 +123,10 @@ def random_walls(seed: int) -> list[Wall]:
     """Straight walls in pieces, in any order and direction, with gaps, overlaps and ends off the line near 1 mm."""
     rng, walls = random.Random(seed), list[Wall]()
     for _ in range(rng.randint(1, 6)):
-        at, turn = (
-            np.array([rng.uniform(-5.0, 5.0), rng.uniform(-5.0, 5.0)]),
-            rng.choice((0.0, 1.5, rng.uniform(0.0, 7.0))),
-        )
-        along, cuts = (
-            np.array([math.cos(turn), math.sin(turn)]),
-            sorted(rng.uniform(0.0, 9.0) for _ in range(rng.randint(2, 9))),
-        )
+        at = np.array([rng.uniform(-5.0, 5.0), rng.uniform(-5.0, 5.0)])
+        turn = rng.choice((0.0, 1.5, rng.uniform(0.0, 7.0)))
+        along = np.array([math.cos(turn), math.sin(turn)])
+        cuts = sorted(rng.uniform(0.0, 9.0) for _ in range(rng.randint(2, 9)))
         for a, b in pairwise(cuts):
             off = rng.choice((0.0, 0.0, 0.0003, 0.001, 0.002))
             end = b + rng.choice((0.0, 0.0, 0.2, 0.0008, -0.1))

@@ -280,7 +280,7 @@ def test_repeated_rows_count_once_and_two_places_name_the_person(tmp_path: Path)
 
 
 @pytest.mark.parametrize(("absent", "jumps"), [({1}, 6), ({1, 2, 3, 4, 5}, 30)])
-def test_a_position_that_stands_for_absence_is_named(tmp_path: Path, absent: set[int], jumps: int) -> None:
+def test_a_position_that_marks_missing_observations_is_named(tmp_path: Path, absent: set[int], jumps: int) -> None:
     """Few absences are cut out of the tracks, with a doubt; with many of them the file is refused."""
     rows = [
         (k, p, *((-999, -999) if k in (10, 11, 40, 60) and p in absent else (0.12 * k, p)))
@@ -288,7 +288,7 @@ def test_a_position_that_stands_for_absence_is_named(tmp_path: Path, absent: set
         for p in range(1, 6)
     ]
     path = text_file(tmp_path, "\n".join(["frame,ped,x,y", *(",".join(map(str, row)) for row in rows)]))
-    remark = f"{jumps} jumps begin or end at (-999, -999) m; if it stands for a person who is not observed, leave"
+    remark = f"{jumps} jumps begin or end at the position (-999, -999) m; if it marks missing observations, leave"
     if len(absent) > 1:
         assert remark in refusals(path, frame_rate=10.0)
     else:

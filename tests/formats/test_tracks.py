@@ -136,7 +136,10 @@ def test_named_columns_give_time_groups_walls_and_speed(tmp_path: Path) -> None:
         ("frame,ped,x,y,t\n0,1,2,3,0\n1,1,2,3,1\n1,1,2,4,1\n", "two places in one frame"),
         ("frame,ped,x,y,t\n0,1,2,3,0\n1,1,2,3,1\n2,1,2,4,9\n", "not proportional to its frame numbers"),
         ("frame,ped,x,y,t\n0,1,2,3,0\n2,1,2,3,2\n4,1,2,3,4\n5,1,2,4,5\n", "frame 5 is not a multiple of the most"),
-        ("frame,ped,x,y,t\n0,1,2,3,0\n1,1,2,3,1\n1e10,1,2,4,1e10\n", "the limit is 63636 frames of so many people"),
+        (
+            "frame,ped,x,y,t\n0,1,2,3,0\n1,1,2,3,1\n1e10,1,2,4,1e10\n",
+            "the limit is 63636 frames for an episode with 2 people",
+        ),
     ],
 )
 def test_invalid_track_file_is_refused_with_one_line(tmp_path: Path, text: str, message: str) -> None:

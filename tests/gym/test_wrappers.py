@@ -299,9 +299,9 @@ def test_observations_of_any_size_are_refused() -> None:
     env = s2g.SocialNavEnv("empty")
     with pytest.raises(ValueError, match="rays must be 200000 or less, got 100000000"):
         s2g.Lidar(env, rays=10**8)
-    with pytest.raises(ValueError, match=r"100000000 observations are .* numbers, of which there may be 20000000"):
+    with pytest.raises(ValueError, match=r"100000000 observations hold .* numbers; the limit is 20000000"):
         s2g.History(env, length=10**8)
-    with pytest.raises(ValueError, match="numbers, of which there may be"):
+    with pytest.raises(ValueError, match=r"2000 observations hold .* numbers; the limit is 20000000"):
         s2g.History(s2g.History(s2g.Flat(env), length=2000), length=2000)
     with pytest.raises(TypeError, match=r"length must be a whole number, got 2\.5"):
         s2g.History(env, length=2.5)  # type: ignore[arg-type]

@@ -114,7 +114,7 @@ def test_an_episode_without_frames_and_people_reads_back(tmp_path: Path) -> None
 
 def test_a_scene_with_more_walls_than_a_file_may_hold_is_refused_at_its_start() -> None:
     many = replace(scene(), walls=(Wall((-1.0, 2.0), (1.0, 2.0)),) * 10_001)
-    with pytest.raises(RecordError, match="cannot be recorded: walls: there are 10001, of which a file may hold 10000"):
+    with pytest.raises(RecordError, match="cannot be recorded: walls: there are 10001; the limit is 10000"):
         EpisodeRecorder().open(many, CONTROLLER_INFO)
 
 

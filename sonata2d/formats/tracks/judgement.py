@@ -77,10 +77,8 @@ def judged(tracks: Tracks) -> TrackSummary:
     share = float((pooled > MAX_PERSON_SPEED).mean()) if len(pooled) else 0.0
     if share > RARE:
         worst = int(np.argmax([speed.max(initial=0.0) for speed in speeds]))
-        raise ValueError(
-            _too_fast(tracks.people[worst], speeds[worst], median or 0.0, pooled)
-            + "".join(f"; {doubt}" for doubt in tracks.doubts)
-        )
+        reason = _too_fast(tracks.people[worst], speeds[worst], median or 0.0, pooled)
+        raise ValueError("; ".join([reason, *tracks.doubts]))
     doubts = list(tracks.doubts)
     if share:
         doubts.append(

@@ -122,7 +122,7 @@ def require_few(frames: float, people: int, observed: int) -> None:
     if frames > limit:
         raise ValueError(
             f"its {observed} positions spread over {frames:.0f} frames of {people} people; the limit is {limit} frames"
-            " of so many people in one episode, so divide it by time"
+            f" for an episode with {people} people: divide the file into shorter ones"
         )
 
 

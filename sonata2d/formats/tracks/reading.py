@@ -361,8 +361,8 @@ def _absence(ends: Array) -> str | None:
         return None
     x, y = places[counts.argmax()].tolist()
     return (
-        f"{counts.max()} jumps begin or end at ({x:g}, {y:g}) m; if it stands for a person who is not observed, leave"
-        " these cells empty"
+        f"{counts.max()} jumps begin or end at the position ({x:g}, {y:g}) m; if it marks missing observations, leave"
+        " their cells empty"
     )
 
 
