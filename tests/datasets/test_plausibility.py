@@ -257,6 +257,19 @@ def test_the_displacement_of_a_robot_that_turns(tmp_path: Path, guarded: bool, o
     assert ("frames.2.robot: the robot is 0.00" in text and "from where its drive led" in text) == found
 
 
+def test_a_unicycle_that_is_stopped_while_it_turns(tmp_path: Path) -> None:
+    """The guard stops it during a tick in which it turns; it may be off by the arc, up to half the angle aside."""
+    of = replace(sample(), robot=replace(sample().robot, kinematics="unicycle"))
+    guarded = put("frames", 2, "guarded", True)
+    text = findings(tmp_path, of, guarded, put("frames", 2, "executed", 2, 30.0))  # straight on, 1.5 rad off
+    assert "off its heading" not in text
+    assert "from where its drive led" not in text
+    rests = (put("frames", k, "executed", [0.0, 0.0, 0.0]) for k in (3, 4, 5))
+    stands = both(later("robot", 0, -0.9), *rests)  # 0.05 m less than its drive led; an arc of 2 rad explains 0.0479
+    text = findings(tmp_path, of, guarded, stands, put("frames", 2, "executed", 2, 20.0))
+    assert "frames.2.robot: the robot is 0.002 m from where its drive led" in text
+
+
 @pytest.mark.parametrize("x", [3.8449, 3.8452])
 def test_overlap_with_a_wall(tmp_path: Path, x: float) -> None:
     """The shoulder reaches 0.025 m beyond the centre: 0.06 m in the wall if it is at x = 3.835."""
@@ -383,6 +396,11 @@ def test_whoever_is_near_a_recorded_pedestrian_may_be_pushed(tmp_path: Path, dis
             ],
             "0.100 m or rad were missing",
         ),
+        (  # within 3.1416 rad every heading is at the goal; within 3 rad not all
+            [put("goal", "x", -0.352), everywhere("robot", 2, 3.1415)],
+            "the goal was reached at tick 5, but the episode went on",
+        ),
+        ([put("goal", "x", -0.352), put("goal", "angle", 3.0), everywhere("robot", 2, 3.1415)], None),
         ([put("outcome", "status", "timeout"), put("rules", "time_limit", 0.6)], None),
         (
             [put("outcome", "status", "timeout"), put("rules", "time_limit", 0.7)],

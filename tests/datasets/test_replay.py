@@ -44,6 +44,13 @@ class Stick(s2.Controller):
         return Twist(self._value)
 
 
+class Failing(s2.Controller):
+    """Divides by zero in tick 9."""
+
+    def act(self, snapshot: Snapshot) -> Twist:
+        return Twist(0.1 / (9 - snapshot.tick))
+
+
 def recorded(path: Path, scene: Scene, controller: s2.Controller) -> Path:
     with s2.JsonRecorder(path, contributor="Ada", context="a test") as recorder:
         s2.Episode(scene, controller, observers=[recorder]).run()
@@ -67,15 +74,19 @@ def test_a_stopped_episode_with_labels_in_a_hand_made_scene_replays(tmp_path: Pa
 
 
 def test_an_episode_that_an_error_ended_replays(tmp_path: Path, busy: Scene) -> None:
-    class Failing(s2.Controller):
-        def act(self, snapshot: Snapshot) -> Twist:
-            return Twist(0.1 / (9 - snapshot.tick))
-
     with pytest.raises(ZeroDivisionError):
         recorded(tmp_path / "one.json", busy, Failing())
     record = read_episode(tmp_path / "one.json")
     assert (record.outcome.status, len(record)) == ("error", 9)
-    assert check_replay(read_episode(tmp_path / "one.json")) == []
+    assert check_replay(record) == []
+    assert check_rerun(record, f"{__name__}:Failing") == []
+
+
+def test_an_error_of_a_controller_that_runs_again_is_raised(tmp_path: Path, busy: Scene) -> None:
+    """It is the recorded error only in an episode that an error ended."""
+    path = recorded(tmp_path / "one.json", busy, Labelling())
+    with pytest.raises(ZeroDivisionError):
+        check_rerun(read_episode(path), f"{__name__}:Failing")
 
 
 def test_device_events_are_recorded_and_replayed(tmp_path: Path, busy: Scene) -> None:
