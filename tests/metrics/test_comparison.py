@@ -118,11 +118,15 @@ def test_tables(compared: s2.Comparison) -> None:
 def test_differences_are_from_the_first_evaluation(compared: s2.Comparison) -> None:
     document = compared.to_json()
     assert [(each["of"], each["from"]) for each in document["differences"]] == [("fast", "slow"), ("named", "slow")]
-    settings = document["evaluations"][1]["bootstrap"]
-    values = np.array([episode.values["path_length"] for episode in compared["fast"].episodes], dtype=float)
-    stated = document["evaluations"][1]["summary"]["all"]["path_length"]
-    interval = bootstrap_interval(values, **settings)
-    assert interval == (stated["low"], stated["high"])
+
+
+def test_intervals_follow_from_the_stated_settings_of_the_bootstrap() -> None:
+    values = np.geomspace(0.001, 1.0, 40)
+    document = evaluation("a", *values.tolist()).to_json()
+    stated = document["summary"]["all"]["spl"]
+    assert bootstrap_interval(values, **document["bootstrap"]) == (stated["low"], stated["high"])
+    other = document["bootstrap"] | {"seed": 1}
+    assert bootstrap_interval(values, **other) != (stated["low"], stated["high"])
 
 
 @pytest.mark.parametrize("count", [19, 20, 21])

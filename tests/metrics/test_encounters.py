@@ -37,7 +37,9 @@ AHEAD = line((-4.0, 0.0), (0.1, 0.0), COUNT)  # at 1 m/s; at the origin after 4 
         (line((4.0, 5.0), (-0.1, -0.11), COUNT), "crossing", "left", math.pi - math.atan2(0.11, 0.1)),
         (line((-0.5, -4.0), (0.0, 0.1), COUNT), "crossing", "right", math.pi / 2),
         (line((-2.0, 1.0), (0.05, 0.0), COUNT), "overtaking", "left", 0.0),
+        (line((-3.96, 0.2), (0.099, 0.0), COUNT), "overtaking", "left", 0.0),  # by a few centimetres
         (line((-8.0, 1.0), (0.2, 0.0), COUNT), "overtaken", "left", 0.0),
+        (line((-4.04, 0.2), (0.101, 0.0), COUNT), "overtaken", "left", 0.0),
         (line((-4.1, -1.0), (0.1, 0.0), COUNT), "alongside", "right", 0.0),
         (stay(0.0, 1.5, COUNT), "standing", "left", None),
         (line((0.0, -1.0), (0.009, 0.0), COUNT), "standing", "right", None),  # 0.36 m in 4 s

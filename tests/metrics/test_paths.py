@@ -44,6 +44,8 @@ def test_spl_is_zero_without_success_and_undefined_without_a_path() -> None:
     assert value("shortest_length", divided, stay(-3.0, 0.0, 5)) is None
     assert value("spl", divided, stay(-3.0, 0.0, 5)) is None
     assert value("spl", room(robot=Pose(3.0, 0.0)), stay(3.0, 0.0, 1)) == 1.0
+    twice = [(2.0, 0.0, 0.0), (1.9, 0.0, 0.0), *line((2.0, 0.0), (0.1, 0.0), 7)]  # 0.8 m; 0.6 m are the shortest
+    assert value("spl", room(robot=Pose(2.0, 0.0)), [list(pose) for pose in twice]) == pytest.approx(0.75)
 
 
 def test_heading_change_adds_both_directions_and_wraps() -> None:
