@@ -21,6 +21,8 @@ from .wording import counted
 X, Y, VX, VY, BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA = range(9)
 _ACTIVITY_ALONE = np.array([ACTIVITIES.index(activity.alone or activity.name) for activity in ACTIVITY.values()])
 
+MAXIMUM_SPEED_RATIO = 1.3  # maximum speed over desired speed (Helbing & Molnár, Phys. Rev. E 51 (1995) 4282)
+
 Values = TypeVar("Values", bound=NDArray[Any])
 
 

@@ -19,14 +19,15 @@ import pymunk
 from ..core.compiled.kernel import say_if_slow
 from ..core.compiled.packing import Packed
 from ..core.devices import DeviceEvent
-from ..core.entities import Furniture
+from ..core.entities import Furniture, Human
 from ..core.geometry import Disc, Edge, Point, Twist
 from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, activities_of_present, frozen
+from ..core.portable_math import Array
 from ..core.scene import Scene, initial_activities
 from ..core.snapshot import Contact, CrowdCommands, Snapshot
 from ..core.state import HUMAN_SIZE, ROBOT_SIZE, State
 from .kernel.chipmunk import EngineMemory
-from .kernel.rules import rules_of
+from .kernel.rules import maximum_speeds, rules_of, walking_speeds
 from .kernel.safety import FASTEST_PERSON, OTHER_AT_FAULT, ROBOT_AT_FAULT, Guard
 from .kernel.step import DRIVE_SIZE, MASS, ROBOT_MASS, Buffers, advance, read_state
 from .presence import Presence
@@ -53,7 +54,7 @@ class World:
         self.scene, self.tick = scene, 0
         count, rules = len(scene.humans), scene.rules
         space = _space_with_obstacles(scene)
-        bodies = [_body(h.pose.position, h.velocity, h.behaviour == "recorded") for h in scene.humans]
+        bodies = [_body(h.pose.position, h.velocity, _is_recorded(h)) for h in scene.humans]
         # The kernel turns the torsos in every substep.
         torsos = [
             pymunk.Segment(body, (0.0, human.shoulder), (0.0, -human.shoulder), human.radius)
@@ -62,18 +63,21 @@ class World:
         bodies.append(_body(scene.robot.pose.position, mass=ROBOT_MASS))
         space.add(*bodies, *torsos, pymunk.Circle(bodies[-1], scene.robot.radius))
         self._row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count)  # as `State.row`
-        self._engine = EngineMemory(space, bodies[-1], torsos, scene.human_table.shoulder.copy())
+        self._engine = EngineMemory(space, torsos, scene.human_table.shoulder.copy())
         self._buffers = Buffers(
             engine=self._engine.engine,
             guard=_guard(scene),
             robot=self._row[:ROBOT_SIZE],
             humans=self._row[ROBOT_SIZE:].reshape(count, HUMAN_SIZE),
             posture=np.zeros((count, 3)),
+            motion=np.array([*scene.robot.pose.position, 0.0, 0.0]),
             drive=np.zeros(DRIVE_SIZE),
             rules=rules_of(scene, FASTEST_PERSON),
             barriers=scene.barriers.table,
             acceleration=np.zeros((count, 2)),
             is_absent=np.zeros(count, dtype=bool),
+            may_overlap=np.zeros(count, dtype=bool),
+            maximum_speed=_speed_limits(scene),
             facing=np.zeros((count, 2)),
             gaze=np.zeros((count, 2)),
         )
@@ -166,6 +170,7 @@ class World:
         for k in {k for k, _ in self._seats + seats}:
             for shape in self._bodies[k].shapes:
                 shape.filter = pymunk.ShapeFilter(group=_seat_group(seat_of[k]) if k in seat_of else 0)
+        self._buffers.may_overlap[:] = [k in seat_of or _is_recorded(h) for k, h in enumerate(self.scene.humans)]
         self._seats = seats
 
     def _update_presence(self, leaving: tuple[int, ...]) -> None:
@@ -212,6 +217,22 @@ def _guard(scene: Scene) -> Guard:
         counts=np.zeros(3, dtype=np.int64),
         separation=np.zeros((humans + barriers, 4)),
     )
+
+
+def _is_recorded(human: Human) -> bool:
+    return human.behaviour == "recorded"
+
+
+def _speed_limits(scene: Scene) -> Array:
+    """(N,), m/s, of the pedestrians; none where recorded ones, who may walk at any speed, push others.
+
+    In a physics step nobody is pushed by more than half the depth of the body, so that nobody is pushed through walls.
+    """
+    if any(map(_is_recorded, scene.humans)):
+        return np.full(len(scene.humans), math.inf)
+    largest_step = scene.human_table.radius / (scene.rules.dt / scene.rules.substeps)
+    limits: Array = np.clip(largest_step, walking_speeds(scene), maximum_speeds(scene))
+    return limits
 
 
 def _space_with_obstacles(scene: Scene) -> pymunk.Space:

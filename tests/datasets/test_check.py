@@ -161,11 +161,11 @@ _FAST = {"mean": 6.0, "min": 4.0, "max": 8.0}
     [
         ({}, {}, {}),
         ({"turn": 50.0}, {}, {}),
-        ({"ahead": 0.8, "back": 0.8, "sideways": 0.8}, {"substeps": 1}, {}),
+        ({"ahead": 0.8, "back": 0.8, "sideways": 0.8}, {"substeps": 2}, {}),
         ({}, {"dt": 0.5, "substeps": 50, "time_limit": 50.0}, {}),
         ({}, {"dt": 1e-4, "time_limit": 0.02}, {}),
         ({}, {}, {"person": {"desired_speed": _FAST}}),
-        ({}, {}, {"people": [{"x": -4, "y": 0, "velocity": [20, 0], "goals": [[4, 0]]}]}),
+        ({}, {}, {"people": [{"x": -4, "y": 0, "velocity": [12, 0], "goals": [[4, 0]]}]}),
     ],
 )
 def test_an_episode_of_extreme_settings_has_no_problems(
@@ -198,11 +198,16 @@ def test_edits_of_an_episode_with_a_strong_drive_are_found(tmp_path: Path) -> No
 
 
 def test_steps_that_are_too_long_are_refused() -> None:
-    """At 1.8 m/s, three times as fast after contacts: 0.54 m in 0.1 s; 9 steps of 0.3 m are allowed."""
+    """At 1.3 times 1.8 m/s people move 0.234 m in 0.1 s, more than 0.13 m, half the depth of the smallest body."""
     hall = s2.load_scenario("crowded-hall")
-    with pytest.raises(s2.errors.ConfigError, match=r"reach 5\.4 m/s, move 0\.54 m, .* raise rules\.substeps to 9,"):
+    with pytest.raises(s2.errors.ConfigError, match=r"up to 2\.34 m/s they move 0\.23 m, .* rules\.substeps to 9,"):
         hall.changed(rules={"dt": 0.5, "substeps": 5})
     hall.changed(rules={"dt": 0.5, "substeps": 9})
+    runs = {"people": [{"x": -4, "y": 0, "velocity": [20, 0], "goals": [[4, 0]]}]}
+    with pytest.raises(s2.errors.ConfigError, match=r"up to 20 m/s they move 0\.2 m, .* rules\.substeps to 16,"):
+        hall.changed(**runs)
+    hall.changed(**runs, rules={"substeps": 16})
+    hall.changed(**runs, person={"radius": 0.2})
     with pytest.raises(s2.errors.ConfigError, match=r"rules\.dt: .* lower rules\.dt to 0\.5 or less"):
         hall.changed(rules={"dt": 0.51, "substeps": 100})
     empty = s2.load_scenario("empty")

@@ -117,9 +117,12 @@ def test_speed_of_a_pedestrian(tmp_path: Path, name: str) -> None:
 
 def _overlap(of: Scene) -> float:
     """Depth to which outlines may overlap where a substep is long, m."""
-    return 2.0 * (1.69 + BODY_TURN * 0.025) * of.rules.dt / of.rules.substeps
+    substep = of.rules.dt / of.rules.substeps
+    overlap = 2.0 * (1.69 + BODY_TURN * 0.025) * substep
+    return overlap if of.rules.guard else overlap + _TURNED + 2.0 * TOP_SPEED * substep
 
 
+_TURNED = BODY_TURN * 0.1 * 0.025  # m, what a torso turns in a tick of 0.1 s
 COARSE, RAMMED = sample(substeps=3), sample(substeps=4, guard=False)
 MOTION = {
     "default": (sample(), 2.69 / 2 + 0.5),
@@ -127,7 +130,7 @@ MOTION = {
     "coarse": (COARSE, 2.69 / 2 + 0.5 + 2.0 * _overlap(COARSE) / 0.1),
     "without guard": (
         RAMMED,
-        (2.69 + TOP_SPEED) / 2 + 0.5 + 2.0 * (_overlap(RAMMED) + TOP_SPEED * 0.1 / 4) / 0.1,
+        (2.69 + TOP_SPEED) / 2 + 0.5 + 2.0 * _overlap(RAMMED) / 0.1,
     ),
 }
 
@@ -187,7 +190,7 @@ def test_speed_of_the_robot(tmp_path: Path) -> None:
         (sample(), put("frames", 2, "guarded", True), 2.0 * TOP_SPEED),
         (sample(), put("frames", 1, "guarded", True), 2.0 * TOP_SPEED),  # it stopped the robot, which starts again
         (sample(), put("frames", 3, "guarded", True), TOP_SPEED / 2 + 0.5),
-        (sample(guard=False), both(), TOP_SPEED / 2 + 0.5 + 2.0 * (0.06 + TOP_SPEED * 0.01) / 0.1),
+        (sample(guard=False), both(), TOP_SPEED / 2 + 0.5 + 2.0 * (0.06 + 0.02 * TOP_SPEED + _TURNED) / 0.1),
         (sample(limits=STRONG), both(), 2.0 * TOP_SPEED),
         (sample(limits=replace(STRONG, acceleration=10.0)), both(), TOP_SPEED / 2 + 0.5),
         (sample(limits=replace(STRONG, acceleration=1.0)), put("frames", 2, "executed", 2, 10.1), 2.0 * TOP_SPEED),
@@ -278,8 +281,8 @@ def test_overlap_with_a_wall(tmp_path: Path, x: float) -> None:
 
 
 def test_overlap_with_a_wall_at_coarse_steps(tmp_path: Path) -> None:
-    for of, depth in ((COARSE, _overlap(COARSE)), (RAMMED, _overlap(RAMMED) + TOP_SPEED * 0.1 / 4)):
-        x = 4.0 - 0.225 + depth
+    for of in (COARSE, RAMMED):
+        x = 4.0 - 0.225 + _overlap(of)
         assert "too deep in a wall" not in findings(tmp_path, of, everywhere("humans", 0, 0, round(x - 0.001, 4)))
         found = findings(tmp_path, of, everywhere("humans", 0, 0, round(x + 0.002, 4)))
         assert "human 1 is 0.002 m too deep in a wall (the worst of 7 ticks)" in found

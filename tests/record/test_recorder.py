@@ -23,8 +23,10 @@ from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot
 from sonata2d.errors import RecordError
 from sonata2d.record.canonical import rounded, rounded_rows, serialise, to_json_value
+from sonata2d.record.models import Episode
 from sonata2d.record.reader import read_episode
 from sonata2d.record.recorder import EpisodeRecorder, JsonRecorder
+from sonata2d.record.validate import _FIXTURES
 
 from .samples import CONTROLLER_INFO, people, robot_state, run, scene, snapshot
 
@@ -116,6 +118,8 @@ def test_a_scene_with_more_walls_than_a_file_may_hold_is_refused_at_its_start() 
     many = replace(scene(), walls=(Wall((-1.0, 2.0), (1.0, 2.0)),) * 10_001)
     with pytest.raises(RecordError, match="cannot be recorded: walls: there are 10001; the limit is 10000"):
         EpisodeRecorder().open(many, CONTROLLER_INFO)
+    bounded = {key for key, value in Episode.model_json_schema()["properties"].items() if "maxItems" in value}
+    assert set(_FIXTURES) == bounded
 
 
 @pytest.mark.parametrize("error", [ValueError("no way"), KeyboardInterrupt()])

@@ -304,6 +304,30 @@ def test_a_person_pressed_against_a_wall_by_the_robot_does_not_turn(between: int
         assert distance > 0.28 - 0.01
 
 
+def test_a_person_between_a_table_and_a_wall_turns_only_as_far_as_there_is_room() -> None:
+    """The gap of 0.32 m has room for the depth of the body, 0.28 m, but not for its breadth, 0.45 m."""
+    table = Furniture(10, "table", Pose(2.0, 3.28), Rectangle(0.8, 0.8))
+    person = Human(1, Pose(2.0, 3.84, math.pi / 2), 0.14, breadth=0.45)
+    world = World(room([person], [table], robot=Pose(-3.0, 0.0)))
+    for _ in range(40):
+        people = push(world, (0.0, 0.0)).humans
+        line = shoulder_lines(people.position, people.direction, people.shoulder)
+        assert segment_distances(*line, world.scene.barriers).min() - 0.14 > -0.045
+    assert people.theta[0] > 0.9
+    assert people.head[0] < people.theta[0] - 0.9
+
+
+@pytest.mark.parametrize(("guard", "limit"), [(True, 2.69), (False, 2.69 + math.hypot(1.0, 0.5))])
+def test_no_force_makes_a_person_faster_than_a_push_does(guard: bool, limit: float) -> None:
+    """The limit is that of `check`: 1.3 times the desired speed and 1 m/s, without the guard the robot's speed, too."""
+    world = World(room([walker(1, -3.0, 0.0), walker(2, -3.0, 2.0)], rules=Rules(guard=guard)))
+    for _ in range(10):
+        people = push(world, np.array([[30.0, 40.0], [0.1, 0.0]])).humans
+    assert np.hypot(*people.velocity[0]) == pytest.approx(limit, rel=1e-12)
+    assert people.velocity[0] == pytest.approx((0.6 * limit, 0.8 * limit))
+    assert people.velocity[1] == pytest.approx((0.1, 0.0))
+
+
 def test_a_shoulder_does_not_sink_into_the_corner_of_a_table() -> None:
     """Many people, each at a table of its own; the engine misses contacts of torsos with corners of polygons."""
     walls = ((-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0))

@@ -13,7 +13,7 @@ from ...core.compiled.packing import Bools, Floats, Floats2, Packed, unpack, zer
 from ...core.compiled.scalar import length, rotation, unit_or
 from ...core.entities import DEFAULT_MODEL
 from ...core.geometry import Barriers, Point, as_point
-from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
+from ...core.humans import BODY_X, BODY_Y, MAXIMUM_SPEED_RATIO, VX, VY, X, Y
 from ...core.portable_math import Array, BoolArray, IntArray
 from ...core.rng import AgentStreams
 from ...core.scene import Scene
@@ -57,7 +57,6 @@ from .social.dynamics import SocialDynamics
 from .social.state import SocialArrays, SocialState
 from .wayfinding import Wayfinding
 
-_MAXIMUM_SPEED_RATIO = 1.3  # maximum speed over desired speed (Helbing & Molnár 1995)
 _STANDING_SPEED, _STANDING_TIME = 0.05, 1.0  # m/s and s: a robot that is slower for so long counts as an obstacle
 
 # Steps of `decide`, and its answers: the decision that it needs, or that it is complete.
@@ -474,7 +473,7 @@ def total_acceleration(packed_state: Any, walking: Array, robot_x: float, robot_
         # The speed after the interval is limited.
         vx_after, vy_after = vx + ax * interval, vy + ay * interval
         speed, maximum = math.sqrt(vx_after * vx_after + vy_after * vy_after), 0.0
-        maximum = _MAXIMUM_SPEED_RATIO * intentions.preferred_speed[k]
+        maximum = MAXIMUM_SPEED_RATIO * intentions.preferred_speed[k]
         scale = maximum / max(speed, 1e-6) if speed > maximum else 1.0
         intentions.acceleration[k, 0] = (vx_after * scale - vx) / interval
         intentions.acceleration[k, 1] = (vy_after * scale - vy) / interval

@@ -20,12 +20,11 @@ from ...core.vectors import lengths, wrap_angle
 from ...record.canonical import rounded_rows
 from ...record.layout import HUMAN_ANGLES, ROBOT_ANGLES
 from ...record.record import EpisodeRecord
+from ...sim.kernel.rules import maximum_speeds, walking_speeds
 from ..motion import THETA, VX, VY, X, Y
 
 MAXIMUM_OVERLAP = 0.06  # m, of outlines: the physics detects a contact only after the bodies have moved
 ROUNDING = 2e-4  # m, m/s, rad/s: tolerance for numbers rounded to 1e-4
-_HURRY_FACTOR, _PUSH_SPEED = 1.3, 1.0  # a pedestrian reaches 1.3 times the desired speed; at least 1 m/s more if pushed
-_RESPONSE_TIME = 0.5  # s, in which a pedestrian can reverse its velocity
 _ROBOT_SPEED_TOLERANCE = 0.05  # m/s above the robot's limits
 # m/s, on top of half the top speed: tolerance between the displacement of a tick over dt and the mean velocity
 _MOTION_TOLERANCE = 0.5
@@ -99,40 +98,22 @@ def _check_speeds(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]
     yield from _worst_tick(turning, "executed", "the robot's drive", "rad/s of turning beyond its limits")
     speed = np.hypot(record.states.humans[..., VX], record.states.humans[..., VY])
     speed[pushed[:, :-1]] = 0.0
-    yield from _worst_tick_of_humans(speed - _maximum_speeds(scene), scene, "m/s faster than possible")
-
-
-def _walking_speeds(scene: Scene) -> Array:
-    """(N,), m/s, that the pedestrians reach by themselves, or have at the start."""
-    starts = np.array([math.hypot(*human.velocity) for human in scene.humans])
-    speeds: Array = np.maximum(_HURRY_FACTOR * scene.human_table.desired_speed, starts)
-    return speeds
-
-
-def _maximum_speeds(scene: Scene) -> Array:
-    """(N,), m/s, of the pedestrians.
-
-    A contact gives a pedestrian up to half of the speed of the one that pushes it, of equal mass. Its acceleration was
-    chosen before the contact and lasts for the rest of the tick, so that it may exceed the speed that it was chosen for
-    by what it changes in a tick.
-    """
-    speeds = _walking_speeds(scene)
-    change = 2.0 * speeds.max(initial=0.0) * min(max(scene.rules.dt / _RESPONSE_TIME, 0.25), 1.0)
-    push: float = max(_PUSH_SPEED, change)
-    # without the guard the robot may run into them
-    return speeds + (push if scene.rules.guard else push + scene.robot.top_speed)
+    yield from _worst_tick_of_humans(speed - maximum_speeds(scene) - ROUNDING, scene, "m/s faster than possible")
 
 
 def _maximum_overlap(scene: Scene) -> float:
     """Depth to which outlines may overlap, m.
 
     The physics stops pedestrians up to one substep too late: two may approach each other, and turn, so far. Without the
-    guard, this holds for the robot, and the pedestrians that it pushes, too.
+    guard, the robot pushes pedestrians into others and into walls, up to two substeps too late: in the first one they
+    still give way. Whoever turns notices at the end of the tick that there is no room.
     """
-    rules, shoulders = scene.rules, scene.human_table.shoulder
-    closing = 2.0 * (_walking_speeds(scene).max(initial=0.0) + BODY_TURN * shoulders.max(initial=0.0))
-    overlap: float = max(MAXIMUM_OVERLAP, closing * rules.dt / rules.substeps)
-    return overlap if rules.guard else overlap + scene.robot.top_speed * rules.dt / rules.substeps
+    rules, shoulder = scene.rules, float(scene.human_table.shoulder.max(initial=0.0))
+    speed, substep = float(walking_speeds(scene).max(initial=0.0)), rules.dt / rules.substeps
+    overlap = max(MAXIMUM_OVERLAP, 2.0 * (speed + BODY_TURN * shoulder) * substep)
+    if rules.guard:
+        return overlap
+    return overlap + 2.0 * scene.robot.top_speed * substep + min(BODY_TURN * rules.dt, 1.0) * shoulder
 
 
 def _check_motion(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
@@ -145,7 +126,7 @@ def _check_motion(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]
     tolerance = max(_MOTION_TOLERANCE, 2.0 * ROUNDING / dt)
     if overlap > MAXIMUM_OVERLAP:
         tolerance += 2.0 * overlap / dt  # bodies that overlap are also moved apart
-    excess = humans - _maximum_speeds(scene) / 2 - tolerance
+    excess = humans - maximum_speeds(scene) / 2 - tolerance
     yield from _worst_tick_of_humans(excess, scene, "m/s of motion beyond what the velocities explain")
     limit = math.hypot(max(limits.ahead, limits.back), limits.sideways) / 2 + tolerance
     robot = robot - np.where(_is_sudden(record), max(limit, 2.0 * scene.robot.top_speed), limit)

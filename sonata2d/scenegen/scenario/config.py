@@ -15,6 +15,7 @@ from ...core.entities import Robot
 from ...core.files.limits import MAX_COUNT, MAX_NAME
 from ...core.furniture_types import BUILT_IN
 from ...core.geometry import Pose
+from ...core.humans import MAXIMUM_SPEED_RATIO
 from ...core.labels import LabelSpec
 from ...core.scene import Rules
 from ...errors import PluginWarning
@@ -42,7 +43,6 @@ from .sections import (
 # Of a robot without safety guard, m/s, and m in a physics step: beyond them it pushes people through walls.
 _UNGUARDED_SPEED, _UNGUARDED_STEP = 12.0, 0.12
 _ROBOT_TURN = 1.0  # rad in a physics step, within which `portable_math.rotation` is exact to 2e-7
-_PERSON_STEP = 0.33  # m in a physics step, beyond which people walk through walls
 _RESPONSE_TIME = 0.5  # s; an acceleration that is kept for so long after a contact adds twice the speed of a person
 _TWENTY_DEGREES = 0.3490658503988659  # rad
 Distance = Annotated[Range, within("a distance must be above 0", 0.0, above=True)]
@@ -238,24 +238,28 @@ class ScenarioConfig(Settings):
             self.walking_groups, self.at_laptop, self.at_plant, self.at_object, self.seated,
             *(queue.waiting for queue in self.queues),
         )  # fmt: skip
-        starts = [person.velocity or (0.0, 0.0) for person in self.people if not person.track]
-        speeds = [math.sqrt(vx * vx + vy * vy) for vx, vy in starts]
-        speeds += [person.desired_speed.max for person in self.people if person.desired_speed]
-        if any(count and count.max for count in counts) or any(door.inflow for door in self.doors) or speeds:
-            speeds.append(self.person.desired_speed.max)
+        drawn = any(count and count.max for count in counts) or any(door.inflow for door in self.doors)
+        people = [person for person in self.people if not person.track]
         dt, substeps = self.rules.dt, self.rules.substeps
-        if speeds and dt > _RESPONSE_TIME:
+        if (drawn or people) and dt > _RESPONSE_TIME:
             message = (
                 f"people choose an acceleration once in a tick, and can reverse within {_RESPONSE_TIME} s; in longer "
                 f"ticks they become ever faster: lower rules.dt to {_RESPONSE_TIME} or less"
             )
             raise setting_error(message, "rules", "dt")
-        speed = max(speeds, default=0.0) * (1.0 + 2.0 * dt / _RESPONSE_TIME)
-        if speed * dt / substeps > _PERSON_STEP:
+        # speed and half the depth of each body, m/s and m; whoever moves farther in a physics step walks through walls
+        bodies = [(MAXIMUM_SPEED_RATIO * self.person.desired_speed.max, self.person.radius.min)] if drawn else []
+        for one in people:
+            desired_speed, radius = one.desired_speed or self.person.desired_speed, one.radius or self.person.radius
+            vx, vy = one.velocity or (0.0, 0.0)
+            start = math.sqrt(vx * vx + vy * vy)
+            bodies.append((max(MAXIMUM_SPEED_RATIO * desired_speed.max, start), radius.min))
+        speed, depth = max(bodies, key=lambda body: body[0] / body[1], default=(0.0, 1.0))
+        if speed * dt / substeps > depth:
             message = (
-                f"people may move {_PERSON_STEP} m in a physics step, dt / substeps; after contacts they reach "
-                f"{speed:.3g} m/s, move {speed * dt / substeps:.2g} m, and pass through walls: raise rules.substeps to "
-                f"{math.ceil(speed * dt / _PERSON_STEP)}, or lower rules.dt or the speeds"
+                f"people may move {depth:g} m, half the depth of a body, in a physics step, dt / substeps; at up to "
+                f"{speed:.3g} m/s they move {speed * dt / substeps:.2g} m, and pass through walls: raise "
+                f"rules.substeps to {math.ceil(speed * dt / depth)}, or lower rules.dt or the speeds"
             )
             raise setting_error(message, "rules", "substeps")
         return self

@@ -18,9 +18,8 @@ from pymunk._chipmunk_cffi import ffi, lib
 from ...core.compiled.kernel import IS_COMPILED, subroutine
 from ...core.compiled.packing import Floats, Floats2, Ints
 
-# Items of `Engine.handle`, addresses: of C functions, of the space, of the requests for reading and writing, and of the
-# robot's body.
-_STEP, _EACH_BODY, _GET, _SET, _SET_ENDS, _SPACE, _READ, _WRITE, _PLACE, _ROBOT = range(10)
+# Items of `Engine.handle`, addresses: of C functions, of the space, and of the requests for reading and writing.
+_STEP, _EACH_BODY, _GET, _SET, _SET_ENDS, _SPACE, _READ, _WRITE, _PLACE = range(9)
 _READ_COUNT, _WRITE_COUNT, _PLACE_COUNT = 0, 4, 8  # items of `Engine.counts`: the fields `num` of the buffers
 
 
@@ -50,7 +49,8 @@ class Engine(NamedTuple):
         forces: (M, 2), N: what `apply_forces` writes.
         torsos: (N,), addresses of the pedestrians' shapes.
         shoulder: (N,), half the length of their shoulder lines, m.
-        robot: (4,), x, y, vx, vy, m and m/s: what `place_robot` writes, then the robot's motion after the step.
+        addresses: (M,), of the bodies.
+        placed: (4,), x, y, vx, vy, m and m/s: what `place` writes.
     """
 
     handle: Ints
@@ -59,7 +59,8 @@ class Engine(NamedTuple):
     forces: Floats2
     torsos: Ints
     shoulder: Floats
-    robot: Floats
+    addresses: Ints
+    placed: Floats
 
 
 class EngineMemory:
@@ -69,15 +70,12 @@ class EngineMemory:
         space: with all its bodies.
         torsos: segments, the shapes of the pedestrians.
         shoulder: (N,), half the length of their shoulder lines, m.
-        robot: one of them.
 
     Attributes:
         engine: the space for kernels.
     """
 
-    def __init__(
-        self, space: pymunk.Space, robot: pymunk.Body, torsos: Sequence[pymunk.Segment], shoulder: NDArray[Any]
-    ) -> None:
+    def __init__(self, space: pymunk.Space, torsos: Sequence[pymunk.Segment], shoulder: NDArray[Any]) -> None:
         count = len(space.bodies)
         # The engine would move a buffer with fewer than two free places, so that all are longer than needed.
         numbers = np.zeros(4 * count + 8), np.zeros(2 * count + 8), np.zeros(4 + 8)
@@ -92,15 +90,17 @@ class EngineMemory:
             request.floatArray, request.intArray = ffi.addressof(header), self._no_integers
             request.fields = wanted.value
         self._space = space  # pymunk frees the C space with it
-        items = space._space, *self._requests, robot._body
-        addresses = [*_KINDS, *(int(ffi.cast("intptr_t", item)) for item in items)]
+        addresses = [*_KINDS, *map(_address, (space._space, *self._requests))]
         counts = np.frombuffer(ffi.buffer(self._headers), dtype=np.int32)
         bodies, forces = numbers[0][: 4 * count].reshape(count, 4), numbers[1][: 2 * count].reshape(count, 2)
-        shapes = np.array([int(ffi.cast("intptr_t", torso._shape)) for torso in torsos], dtype=np.int64)
-        motion_of_robot = numbers[2][:4]
-        motion_of_robot[:2] = robot.position
+        shapes = np.array([_address(torso._shape) for torso in torsos], dtype=np.int64)
+        of_bodies = np.array([_address(body._body) for body in space.bodies], dtype=np.int64)
         handle = np.array(addresses, dtype=np.int64)
-        self.engine = Engine(handle, counts, bodies, forces, shapes, shoulder, motion_of_robot)
+        self.engine = Engine(handle, counts, bodies, forces, shapes, shoulder, of_bodies, numbers[2][:4])
+
+
+def _address(item: Any) -> int:
+    return int(ffi.cast("intptr_t", item))
 
 
 def _interpreted_call(function: int, numbers: tuple[Any, ...]) -> None:
@@ -176,8 +176,9 @@ def turn_torso(engine: Engine, k: int, x: float, y: float) -> None:
 
 
 @subroutine
-def place_robot(engine: Engine) -> None:
-    """Set position and velocity of the robot's body from `Engine.robot`."""
-    handle = engine.handle
+def place(engine: Engine, k: int, x: float, y: float, vx: float, vy: float) -> None:
+    """Set position and velocity of body k, m and m/s."""
+    placed = engine.placed
+    placed[0], placed[1], placed[2], placed[3] = x, y, vx, vy
     engine.counts[_PLACE_COUNT] = 0
-    _call(handle[_SET], (handle[_ROBOT], handle[_PLACE]))
+    _call(engine.handle[_SET], (engine.addresses[k], engine.handle[_PLACE]))

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...core.entities import Human
+from ...core.humans import MAXIMUM_SPEED_RATIO
 from ...core.portable_math import Array
 from ...core.scene import Scene
 
@@ -17,6 +18,9 @@ from ...core.scene import Scene
     TICK, SUBSTEP, SUBSTEPS, CONTACT_DISTANCE, GUARD, SIDE, ROBOT_RADIUS, HOLONOMIC, AHEAD, BACK, SIDEWAYS, TURN,
     ACCELERATION, TURN_ACCELERATION, OWN_SPEED, HUMAN_RANGE,
 ) = range(16)  # fmt: skip
+
+_PUSH_SPEED = 1.0  # m/s, that a push adds at least
+_RESPONSE_TIME = 0.5  # s, in which a pedestrian can reverse its velocity
 
 
 def rules_of(scene: Scene, fastest_person: float) -> Array:
@@ -49,6 +53,27 @@ def rules_of(scene: Scene, fastest_person: float) -> Array:
         HUMAN_RANGE: max([fastest_person, *speeds]) * rules.dt + rules.contact_distance,
     }
     return np.array([float(values[k]) for k in range(len(values))])
+
+
+def walking_speeds(scene: Scene) -> Array:
+    """(N,), m/s, that the pedestrians reach by themselves, or have at the start."""
+    starts = np.array([math.sqrt(vx * vx + vy * vy) for vx, vy in (human.velocity for human in scene.humans)])
+    speeds: Array = np.maximum(MAXIMUM_SPEED_RATIO * scene.human_table.desired_speed, starts)
+    return speeds
+
+
+def maximum_speeds(scene: Scene) -> Array:
+    """(N,), m/s, to which the speeds of pedestrians are limited; recorded ones excepted, and whoever they push.
+
+    A contact gives a pedestrian up to half of the speed of the one that pushes it, of equal mass. Its acceleration was
+    chosen before the contact and lasts for the rest of the tick, so that it may exceed the speed that it was chosen for
+    by what it changes in a tick. A robot without the guard may run into them. Rigid bodies without friction have no
+    such limit: one that is pressed into a narrow angle leaves it at any speed.
+    """
+    speeds = walking_speeds(scene)
+    change = 2.0 * speeds.max(initial=0.0) * min(max(scene.rules.dt / _RESPONSE_TIME, 0.25), 1.0)
+    push: float = max(_PUSH_SPEED, change)
+    return speeds + (push if scene.rules.guard else push + scene.robot.top_speed)
 
 
 def _track_speed(human: Human, dt: float) -> float:

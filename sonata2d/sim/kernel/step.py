@@ -21,7 +21,7 @@ from ...core.compiled.scalar import (
 from ...core.humans import BODY_X, BODY_Y, OMEGA, VX, VY, X, Y
 from ...core.portable_math import Array
 from ...core.state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED
-from .chipmunk import Engine, apply_forces, place_robot, read_bodies, step_space, turn_torso
+from .chipmunk import Engine, apply_forces, place, read_bodies, step_space, turn_torso
 from .posture import BODY_RATE, NECK, NECK_RATE, turn
 from .rules import (
     ACCELERATION,
@@ -43,6 +43,7 @@ from .safety import Guard, find_near, limited
 MASS = 75.0  # kg, of a pedestrian
 TOUCHING = 0.01  # m, gap of outlines below which they press against each other
 MAXIMUM_DEPTH = 0.005  # m, of overlap that a pressed body causes by turning
+STUCK_DEPTH = 0.02  # m, of a torso in a solid, which the engine moves out where there is room
 ROBOT_MASS = 1e6  # kg; so large that contacts do not move the robot, and their impulse can still be read
 
 # Items of the scratch array `drive`: the twist of the drive in this tick (body frame), the sums of the executed
@@ -81,11 +82,14 @@ class Buffers(NamedTuple):
         robot: (13,), columns of `core.state`.
         humans: (N, 9), columns of `core.humans`.
         posture: (N, 3), see `posture`.
+        motion: (4,), x, y, vx, vy, m and m/s, of the robot after the last substep.
         drive: (9,), scratch, kept between substeps.
         rules: see `rules`.
         barriers: rows of `Barriers.table`.
         acceleration: (N, 2), m/s^2, of the pedestrians.
         is_absent: (N,), pedestrians without forces.
+        may_overlap: (N,), pedestrians that may be inside solids: recorded ones, and those on seats.
+        maximum_speed: (N,), m/s, of the pedestrians.
         facing, gaze: (N, 2), unit vectors of the desired headings and gazes.
     """
 
@@ -94,11 +98,14 @@ class Buffers(NamedTuple):
     robot: Floats
     humans: Floats2
     posture: Floats2
+    motion: Floats
     drive: Floats
     rules: Floats
     barriers: Floats2
     acceleration: Floats2
     is_absent: Bools
+    may_overlap: Bools
+    maximum_speed: Floats
     facing: Floats2
     gaze: Floats2
 
@@ -136,6 +143,7 @@ def advance(packed_world: Any, vx: float, vy: float, omega: float, is_limited: b
         apply_forces(engine)
         step_space(engine, h)
         read_bodies(engine)
+        _limit_speeds(buffers)
         _keep_robot(buffers)
     if end == int(rules[SUBSTEPS]):
         robot[EXECUTED_VX], robot[EXECUTED_VY] = drive[_SUM_X] / rules[SUBSTEPS], drive[_SUM_Y] / rules[SUBSTEPS]
@@ -145,9 +153,10 @@ def advance(packed_world: Any, vx: float, vy: float, omega: float, is_limited: b
 
 @subroutine
 def _turn_bodies(buffers: Buffers) -> None:
-    """Turn bodies and heads by one tick. People that the robot presses turn only their heads if they lack the room.
+    """Turn bodies and heads by one tick. People that are pressed turn only their heads if they lack the room.
 
-    The engine can move a torso that turns out of its neighbours, but not out of a place that has become too narrow.
+    The engine can move a torso that turns out of its neighbours, but not out of a place that is too narrow: between the
+    robot and others or walls, or, as a torso shows that is still deep in a solid, between solids.
     """
     count, torso = len(buffers.humans), buffers.guard.torso
     pressed = np.zeros(count, np.bool_)
@@ -158,7 +167,7 @@ def _turn_bodies(buffers: Buffers) -> None:
             if not pressed[k]:
                 pressed[k] = _gap(buffers, k, int(j), torso[k, 0], torso[k, 1]) < TOUCHING
     for k in range(count):
-        _turn_body(buffers, k, pressed[k])
+        _turn_body(buffers, k, pressed[k] or _is_stuck(buffers, k))
 
 
 @subroutine
@@ -174,6 +183,16 @@ def _turn_body(buffers: Buffers, k: int, is_pressed: bool) -> None:
         humans[k, BODY_X], humans[k, BODY_Y], facing[k, 0], facing[k, 1] = x, y, x, y
         posture[k, BODY_RATE], posture[k, NECK_RATE], posture[k, NECK] = 0.0, neck_rate, neck
         turn(humans, posture, k, facing, buffers.gaze, rules[SIDE], rules[TICK])
+
+
+@subroutine
+def _is_stuck(buffers: Buffers, k: int) -> bool:
+    """Whether pedestrian k is so deep in a solid at the start of the tick that the engine cannot move it out."""
+    if buffers.may_overlap[k] or buffers.is_absent[k]:
+        return False
+    guard, humans, torso = buffers.guard, buffers.humans, buffers.guard.torso
+    body = torso[k, 0], torso[k, 1], guard.radius[k], guard.shoulder[k]
+    return outline_gap(buffers.barriers, humans[k, X], humans[k, Y], *body) < -STUCK_DEPTH
 
 
 @subroutine
@@ -249,10 +268,9 @@ def _move_robot(buffers: Buffers, h: float) -> None:
     vx, vy = vx * fraction, vy * fraction
     # The engine finds the robot where it will be at the end of the substep. Its velocity is 0 there, so that the robot
     # stops pedestrians but does not push them, unless a force gives it one.
-    motion = engine.robot
+    motion = buffers.motion
     motion[X], motion[Y] = engine.bodies[last, X] + vx * h, engine.bodies[last, Y] + vy * h
-    motion[VX], motion[VY] = 0.0, 0.0
-    place_robot(engine)
+    place(engine, last, motion[X], motion[Y], 0.0, 0.0)
     drive[_LOST_X], drive[_LOST_Y] = vx * push, vy * push
     engine.forces[last, 0], engine.forces[last, 1] = vx * push * (ROBOT_MASS / h), vy * push * (ROBOT_MASS / h)
     ahead, left = vx * c + vy * s, vy * c - vx * s
@@ -295,14 +313,28 @@ def _keep_robot(buffers: Buffers) -> None:
         ratio = ROBOT_MASS / MASS
     drive[_LOST_X] = (drive[_LOST_X] - bodies[last, VX]) * ratio
     drive[_LOST_Y] = (drive[_LOST_Y] - bodies[last, VY]) * ratio
-    _restore_robot(buffers.engine)
+    _restore_robot(buffers)
 
 
 @subroutine
-def _restore_robot(engine: Engine) -> None:
+def _restore_robot(buffers: Buffers) -> None:
     """Replace the robot's row of `Engine.bodies`, which contacts may have changed, by its own motion."""
+    bodies = buffers.engine.bodies
     for column in range(4):
-        engine.bodies[len(engine.bodies) - 1, column] = engine.robot[column]
+        bodies[len(bodies) - 1, column] = buffers.motion[column]
+
+
+@subroutine
+def _limit_speeds(buffers: Buffers) -> None:
+    """Limit the speeds of pedestrians to what contacts with people can explain."""
+    engine, maximum_speed = buffers.engine, buffers.maximum_speed
+    for k in range(len(maximum_speed)):
+        vx, vy = engine.bodies[k, VX], engine.bodies[k, VY]
+        square, maximum = vx * vx + vy * vy, maximum_speed[k]
+        if square > maximum * maximum:
+            fraction = maximum / math.sqrt(square)
+            engine.bodies[k, VX], engine.bodies[k, VY] = vx * fraction, vy * fraction
+            place(engine, k, engine.bodies[k, X], engine.bodies[k, Y], vx * fraction, vy * fraction)
 
 
 @subroutine
@@ -320,5 +352,5 @@ def read_state(packed_world: Any) -> None:
     """Read positions and velocities of the pedestrians of the packed `Buffers` from the engine into its state."""
     buffers = unpack(packed_world, Buffers)
     read_bodies(buffers.engine)
-    _restore_robot(buffers.engine)
+    _restore_robot(buffers)
     copy_bodies(buffers.engine.bodies, buffers.robot, buffers.humans)
