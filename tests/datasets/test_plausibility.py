@@ -126,7 +126,7 @@ _TURNED = BODY_TURN * 0.1 * 0.025  # m, what a torso turns in a tick of 0.1 s
 COARSE, RAMMED = sample(substeps=3), sample(substeps=4, guard=False)
 MOTION = {
     "default": (sample(), 2.69 / 2 + 0.5),
-    "rounding": (sample(dt=1e-4), 2.69 / 2 + 2.0 * 2e-4 / 1e-4),
+    "dt of 0.03 s": (sample(dt=0.03), 2.69 / 2 + 0.05 / 0.03),
     "coarse": (COARSE, 2.69 / 2 + 0.5 + 2.0 * _overlap(COARSE) / 0.1),
     "without guard": (
         RAMMED,

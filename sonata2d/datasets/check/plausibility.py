@@ -28,6 +28,7 @@ ROUNDING = 2e-4  # m, m/s, rad/s: tolerance for numbers rounded to 1e-4
 _ROBOT_SPEED_TOLERANCE = 0.05  # m/s above the robot's limits
 # m/s, on top of half the top speed: tolerance between the displacement of a tick over dt and the mean velocity
 _MOTION_TOLERANCE = 0.5
+_MOVED_APART = 0.05  # m, by which bodies that overlap are moved apart in a tick, whatever their velocities
 _PUSH_RANGE = 0.1  # m, clearance to a recorded pedestrian within which a push in the last tick is possible
 _TURN_TOLERANCE = 0.05  # rad, between the rotation in a tick and the executed turn rate times dt
 _SUDDEN_SPEED, _SUDDEN_TURN = 1.0, 1.0  # m/s and rad, changes in a tick beyond which two velocities say little of it
@@ -123,7 +124,7 @@ def _check_motion(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]
     humans, robot = _unexplained_speed(states.humans, dt), _unexplained_speed(states.robot, dt)
     exempt = pushed[1:] | pushed[:-1]
     humans[exempt[:, :-1]] = robot[exempt[:, -1]] = 0.0
-    tolerance = max(_MOTION_TOLERANCE, 2.0 * ROUNDING / dt)
+    tolerance = max(_MOTION_TOLERANCE, _MOVED_APART / dt)
     if overlap > MAXIMUM_OVERLAP:
         tolerance += 2.0 * overlap / dt  # bodies that overlap are also moved apart
     excess = humans - maximum_speeds(scene) / 2 - tolerance
