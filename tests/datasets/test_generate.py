@@ -150,7 +150,7 @@ def test_a_fast_robot_among_fast_pedestrians_passes_the_check(tmp_path: Path) ->
 def test_a_fast_robot_without_guard_passes_the_check_or_is_refused(tmp_path: Path) -> None:
     def scenario(speed: float) -> s2.ScenarioConfig:
         limits = {"ahead": speed, "back": speed, "sideways": 0.5, "acceleration": 100.0, "turn_acceleration": 100.0}
-        rules = {"time_limit": 10.0, "ends_on": ["time"], "guard": False}
+        rules = {"time_limit": 10.0, "ends_on": ["time"], "guard": False, "substeps": 21}
         return s2.ScenarioConfig(humans=16, robot={"limits": limits}, rules=rules)
 
     generate_dataset(tmp_path / "out", scenario(10.0), f"{__name__}:Rammer", episodes=6)

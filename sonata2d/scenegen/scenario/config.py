@@ -41,7 +41,7 @@ from .sections import (
 )
 
 # Of a robot without safety guard, m/s, and m in a physics step: beyond them it pushes people through walls.
-_UNGUARDED_SPEED, _UNGUARDED_STEP = 12.0, 0.12
+_UNGUARDED_SPEED, _UNGUARDED_STEP = 12.0, 0.05
 _ROBOT_TURN = 1.0  # rad in a physics step, within which `portable_math.rotation` is exact to 2e-7
 _RESPONSE_TIME = 0.5  # s; an acceleration that is kept for so long after a contact adds twice the speed of a person
 _TWENTY_DEGREES = 0.3490658503988659  # rad
