@@ -21,6 +21,7 @@ from .wording import counted
 X, Y, VX, VY, BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA = range(9)
 _ACTIVITY_ALONE = np.array([ACTIVITIES.index(activity.alone or activity.name) for activity in ACTIVITY.values()])
 
+RESPONSE_TIME = 0.5  # s, in which a pedestrian can reverse its velocity
 MAXIMUM_SPEED_RATIO = 1.3  # maximum speed over desired speed (Helbing & Molnár, Phys. Rev. E 51 (1995) 4282)
 
 Values = TypeVar("Values", bound=NDArray[Any])

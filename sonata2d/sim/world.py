@@ -224,9 +224,10 @@ def _is_recorded(human: Human) -> bool:
 
 
 def _speed_limits(scene: Scene) -> Array:
-    """(N,), m/s, of the pedestrians; none where recorded ones, who may walk at any speed, push others.
+    """Maximum speed of each pedestrian, (N,), m/s; infinite in scenes with recorded pedestrians.
 
-    In a physics step nobody is pushed by more than half the depth of the body, so that nobody is pushed through walls.
+    Recorded pedestrians may have any speed and pass it on to others. In other scenes, a push moves a pedestrian by at
+    most half the depth of its body in a physics step, so that it cannot pass through a wall.
     """
     if any(map(_is_recorded, scene.humans)):
         return np.full(len(scene.humans), math.inf)

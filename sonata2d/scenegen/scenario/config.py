@@ -15,7 +15,7 @@ from ...core.entities import Robot
 from ...core.files.limits import MAX_COUNT, MAX_NAME
 from ...core.furniture_types import BUILT_IN
 from ...core.geometry import Pose
-from ...core.humans import MAXIMUM_SPEED_RATIO
+from ...core.humans import MAXIMUM_SPEED_RATIO, RESPONSE_TIME
 from ...core.labels import LabelSpec
 from ...core.scene import Rules
 from ...errors import PluginWarning
@@ -43,7 +43,6 @@ from .sections import (
 # Of a robot without safety guard, m/s, and m in a physics step: beyond them it pushes people through walls.
 _UNGUARDED_SPEED, _UNGUARDED_STEP = 12.0, 0.05
 _ROBOT_TURN = 1.0  # rad in a physics step, within which `portable_math.rotation` is exact to 2e-7
-_RESPONSE_TIME = 0.5  # s; an acceleration that is kept for so long after a contact adds twice the speed of a person
 _TWENTY_DEGREES = 0.3490658503988659  # rad
 Distance = Annotated[Range, within("a distance must be above 0", 0.0, above=True)]
 
@@ -241,13 +240,14 @@ class ScenarioConfig(Settings):
         drawn = any(count and count.max for count in counts) or any(door.inflow for door in self.doors)
         people = [person for person in self.people if not person.track]
         dt, substeps = self.rules.dt, self.rules.substeps
-        if (drawn or people) and dt > _RESPONSE_TIME:
+        if (drawn or people) and dt > RESPONSE_TIME:
             message = (
-                f"people choose an acceleration once in a tick, and can reverse within {_RESPONSE_TIME} s; in longer "
-                f"ticks they become ever faster: lower rules.dt to {_RESPONSE_TIME} or less"
+                f"people choose an acceleration once in a tick, and can reverse within {RESPONSE_TIME} s; in longer "
+                f"ticks they become ever faster: lower rules.dt to {RESPONSE_TIME} or less"
             )
             raise setting_error(message, "rules", "dt")
-        # speed and half the depth of each body, m/s and m; whoever moves farther in a physics step walks through walls
+        # The maximum speed, m/s, and half the body depth, m, of each person. A person whose centre moves farther than
+        # half the body depth in one physics step can pass through a wall without touching it.
         bodies = [(MAXIMUM_SPEED_RATIO * self.person.desired_speed.max, self.person.radius.min)] if drawn else []
         for one in people:
             desired_speed, radius = one.desired_speed or self.person.desired_speed, one.radius or self.person.radius

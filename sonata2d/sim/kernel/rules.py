@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...core.entities import Human
-from ...core.humans import MAXIMUM_SPEED_RATIO
+from ...core.humans import MAXIMUM_SPEED_RATIO, RESPONSE_TIME
 from ...core.portable_math import Array
 from ...core.scene import Scene
 
@@ -20,7 +20,6 @@ from ...core.scene import Scene
 ) = range(16)  # fmt: skip
 
 _PUSH_SPEED = 1.0  # m/s, that a push adds at least
-_RESPONSE_TIME = 0.5  # s, in which a pedestrian can reverse its velocity
 
 
 def rules_of(scene: Scene, fastest_person: float) -> Array:
@@ -71,7 +70,7 @@ def maximum_speeds(scene: Scene) -> Array:
     such limit: one that is pressed into a narrow angle leaves it at any speed.
     """
     speeds = walking_speeds(scene)
-    change = 2.0 * speeds.max(initial=0.0) * min(max(scene.rules.dt / _RESPONSE_TIME, 0.25), 1.0)
+    change = 2.0 * speeds.max(initial=0.0) * min(max(scene.rules.dt / RESPONSE_TIME, 0.25), 1.0)
     push: float = max(_PUSH_SPEED, change)
     return speeds + (push if scene.rules.guard else push + scene.robot.top_speed)
 
