@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import AbstractContextManager
 from dataclasses import replace
+from typing import Any
 
 import hypothesis
 import numpy as np
@@ -17,7 +18,7 @@ import pytest
 
 from sonata2d.core.compiled import kernel as compiled
 from sonata2d.core.entities import Furniture, Goal, Human, Limits, Robot, Wall
-from sonata2d.core.geometry import Disc, Point, Pose, Rectangle, contact_times
+from sonata2d.core.geometry import Barriers, Disc, Point, Pose, Rectangle, contact_times
 from sonata2d.core.portable_math import Array, IntArray
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Snapshot
@@ -128,7 +129,15 @@ def neighbour_lists(attention: Array) -> dict[str, Array | IntArray]:
         "neighbour_start": np.arange(count + 1) * (count - 1),
         "neighbour": np.flatnonzero(others) % max(count, 1),
         "attention": attention[others],
+        "wall_start": np.zeros(count + 1, dtype=np.int64),
+        "wall": np.zeros(0, dtype=np.int64),
     }
+
+
+def beside_walls(walkers: Any, barriers: Barriers) -> Any:
+    """Walkers to which all barriers are near."""
+    count, number = len(walkers.position), len(barriers)
+    return walkers._replace(wall_start=np.arange(count + 1) * number, wall=np.tile(np.arange(number), count))
 
 
 @pytest.fixture

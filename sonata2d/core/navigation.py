@@ -2,26 +2,68 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections import OrderedDict
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from .barrier_grid import Solids, solids_of
 from .compiled.packing import Packed
+from .free_space import Borders, Space, check_lines, check_point, check_points, find_borders, index_borders
 from .geometry import Barriers, Point
-from .portable_math import Array, BoolArray
+from .path_search import find_path
+from .portable_math import Array, BoolArray, IntArray
 from .vectors import X, Y
-from .visibility import (
-    NEEDS_GRAPH,
-    NOT_BUILT,
-    Graph,
-    Space,
-    build_nodes,
-    check_lines,
-    check_point,
-    check_points,
-    find_path,
-    prepare,
-)
+from .visibility import MOST_POINTS, NODE_SIZE, Graph, find_nodes, index_nodes
+
+_LONGEST_ROW = 512  # nodes visible from one node that are kept
+_KEPT = 32  # floor plans
+_NOTHING = Barriers.of(())
+
+
+class FloorPlan(NamedTuple):
+    """What is found once for the barriers of a floor plan and a clearance; see `visibility`.
+
+    Attributes:
+        solids, borders: see `Space`.
+        origins, nodes, first, item, visible: see `Graph`.
+    """
+
+    solids: Solids
+    borders: Borders
+    origins: Array
+    nodes: Array
+    first: IntArray
+    item: IntArray
+    visible: NDArray[np.int32]
+
+
+_floor_plans: OrderedDict[tuple[bytes, bytes, float], FloorPlan] = OrderedDict()  # those used last are at the end
+
+
+def floor_plan(outline: Array, barriers: Barriers, clearance: float) -> FloorPlan:
+    """The floor plan of a room; the last ones are kept."""
+    key = barriers.table.tobytes(), outline.tobytes(), clearance
+    plan = _floor_plans.pop(key, None) or _new_floor_plan(outline, barriers, clearance)
+    _floor_plans[key] = plan
+    while len(_floor_plans) > _KEPT:
+        try:
+            _floor_plans.popitem(last=False)
+        except KeyError:  # another thread was faster
+            break
+    return plan
+
+
+def _new_floor_plan(outline: Array, barriers: Barriers, clearance: float) -> FloorPlan:
+    solids, edges = solids_of(barriers), find_borders(barriers.table, _rows(outline))
+    borders = Borders(np.ascontiguousarray(edges), *index_borders(edges))
+    nothing = solids_of(_NOTHING)
+    space = Packed(Space(solids, nothing, borders, np.empty((0, 4)), clearance))
+    origins, nodes = find_nodes(space.argument)
+    first, item = index_nodes(Packed(solids).argument, nodes)
+    visible = np.zeros((len(nodes), min(len(nodes) + 1, _LONGEST_ROW)), dtype=np.int32)
+    return FloorPlan(solids, borders, np.ascontiguousarray(origins), nodes.copy(), first, item, visible)
 
 
 class FreeSpace:
@@ -32,9 +74,11 @@ class FreeSpace:
 
     Args:
         outline: (K, 2), the room's polygon, m. Its edges are among the barriers, as in `Scene.barriers`.
-        barriers: obstacles; a closed sequence of edges counts as the outline of a solid object. Add standing
-            pedestrians as discs with `Barriers.joined`.
+        barriers: obstacles; a closed sequence of edges counts as the outline of a solid object.
         clearance: of the disc's centre from every barrier, m; positive.
+        added: further obstacles, which change more often, such as discs of standing pedestrians. What is known of the
+            other ones is kept: `with_added` takes little time.
+        plan: `floor_plan` of these, if it is at hand.
 
     Raises:
         ValueError: clearance is zero or negative.
@@ -43,11 +87,36 @@ class FreeSpace:
     IEEE Trans. Syst. Sci. Cybern. 4 (1968) 100.
     """
 
-    def __init__(self, outline: Array, barriers: Barriers, clearance: float) -> None:
+    def __init__(
+        self,
+        outline: Array,
+        barriers: Barriers,
+        clearance: float,
+        added: Barriers = _NOTHING,
+        plan: FloorPlan | None = None,
+    ) -> None:
         if not clearance > 0.0:
             raise ValueError(f"clearance must be positive, got {clearance}")
-        self.outline, self.barriers, self.clearance = outline, barriers, float(clearance)
-        self._graph = NOT_BUILT  # most spaces need none: many paths are straight
+        self.outline, self.barriers, self.added, self.clearance = outline, barriers, added, float(clearance)
+        self._plan = floor_plan(outline, barriers, self.clearance) if plan is None else plan
+        plan, holes = self._plan, find_borders(added.table, np.empty((0, 2)))
+        self._space = Packed(Space(plan.solids, solids_of(added), plan.borders, holes, self.clearance))
+        count = MOST_POINTS * 2 * len(added)
+        self._graph = Packed(
+            Graph(
+                plan.origins, plan.nodes, plan.first, plan.item, plan.visible, np.empty((count, NODE_SIZE)),
+                np.zeros(len(plan.nodes), dtype=bool), np.full(1, -1),
+            )
+        )  # fmt: skip
+
+    @property
+    def for_kernels(self) -> Space:
+        """The space as kernels take it."""
+        return self._space.value
+
+    def with_added(self, added: Barriers) -> FreeSpace:
+        """The same space with other added obstacles."""
+        return FreeSpace(self.outline, self.barriers, self.clearance, added, self._plan)
 
     def is_free_at(self, point: Point) -> bool:
         """Whether the disc can be at a point, m."""
@@ -62,7 +131,7 @@ class FreeSpace:
     def is_clear(self, start: Array, end: Array) -> BoolArray:
         """Whether the disc can move straight from start to end; (N, 2) and (N, 2) to (N,) of bool."""
         clear = np.empty(len(start), dtype=bool)
-        check_lines(self.barriers.table, self.clearance, _rows(start), _rows(end), clear)
+        check_lines(self._space.argument, _rows(start), _rows(end), clear)
         return clear
 
     def is_open(self, start: Point, end: Point) -> bool:
@@ -89,7 +158,6 @@ class FreeSpace:
     def warm_up(self) -> None:
         """Call each kernel of this class once, so that none is compiled or loaded later."""
         corner = self.outline[:1]
-        self._built_graph()
         self.is_free(corner)
         self.is_clear(corner, corner)
         self.is_free_at(corner[0])
@@ -97,34 +165,15 @@ class FreeSpace:
 
     def _search(self, start: Point, goal: Point) -> tuple[float, Array]:
         """Length of the shortest path, m, and its points, (K, 2); infinite and (0, 2) without a path."""
-        ends, graph = (float(start[X]), float(start[Y]), float(goal[X]), float(goal[Y])), self._graph
+        ends, size = (float(start[X]), float(start[Y]), float(goal[X]), float(goal[Y])), 32
         while True:
-            # besides the nodes: start and goal, and the free positions near to them
-            route = np.empty((len(graph.value.nodes) + 4, 2))
-            count, length = find_path(self._space.argument, graph.argument, *ends, route)
-            if count != NEEDS_GRAPH:
+            route = np.empty((size, 2))
+            count, length = find_path(self._space.argument, self._graph.argument, *ends, route)
+            if count <= size:
                 return length, route[:count]
-            graph = self._built_graph()
-
-    @cached_property
-    def _space(self) -> Packed[Space]:
-        table = self.barriers.table
-        ends, lines, borders = prepare(table, _rows(self.outline), self.clearance)
-        return Packed(Space(table, _columns(ends), _columns(lines), borders, self.clearance))
-
-    def _built_graph(self) -> Packed[Graph]:
-        if not self._graph.value.is_built:
-            nodes = build_nodes(self._space.argument)
-            n = len(nodes)
-            self._graph = Packed(Graph(nodes, np.zeros((n, n), np.uint8), np.zeros(n + 1, np.int64), True))
-        return self._graph
+            size = count
 
 
 def _rows(points: Array) -> Array:
     """A contiguous, writeable copy of points: a kernel is compiled for one kind of arrays."""
     return np.array(points, dtype=float, order="C")
-
-
-def _columns(rows: Array) -> Array:
-    """The transposed array, contiguous, which kernels run through faster."""
-    return np.ascontiguousarray(rows.T)

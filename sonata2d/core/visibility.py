@@ -1,35 +1,21 @@
-"""Kernels of `navigation`: free positions, visibility, the visibility graph, and shortest paths."""
+"""Kernels of `navigation`: the visibility graph, whose nodes are points at which shortest paths turn."""
 
 from __future__ import annotations
 
-import heapq
 import math
 from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from .barrier_grid import Grid, Solids, column_of, is_near_line, row_of
 from .compiled.kernel import kernel, subroutine
-from .compiled.packing import Bytes2, Floats2, Ints, Packed, unpack
-from .compiled.scalar import (
-    END_X,
-    END_Y,
-    RADIUS,
-    START_X,
-    START_Y,
-    Vector,
-    gap,
-    inverse_square,
-    is_inside,
-    length,
-    line_gap,
-    to_line,
-    towards,
-)
+from .compiled.packing import Bools, Floats2, Ints, ShortInts2, unpack
+from .compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, Vector, is_inside, length, towards
+from .free_space import TOLERANCE, Space, is_free
 from .portable_math import PI, TAN_PI_8, Array, BoolArray, IntArray, unit_vectors
 from .vectors import X, Y
 
-TOLERANCE = 1e-6  # m, by which a clearance may be missed
 MARGIN = 1e-3  # m, distance of turning points from the inflated corners
 
 # Candidates for turning points, as offsets (ahead, left) from discs, corners and free ends of barriers: for each of
@@ -46,248 +32,137 @@ _POLYGONS: tuple[Any, ...] = (
 )
 _STEPS = np.concatenate(_POLYGONS)
 _FIRST = np.array([*accumulate((len(polygon) for polygon in _POLYGONS), initial=0)])  # step of each polygon
-_AHEAD_X, _AHEAD_Y, _REACH, _KIND, _MITRE, _CUT = range(2, 8)  # columns of origins of turning points, after x and y
+# columns of origins of turning points, after x and y
+_AHEAD_X, _AHEAD_Y, _REACH, _KIND, _MITRE, _CUT = range(2, 8)
 _MIN_SINE = 0.5  # of half the angle of a corner; a corner under 60° would have a long mitre, so it counts as two ends
 _MIN_COSINE = 1e-6  # of half the angle of a corner; below it the barriers are collinear and need no turning point
-_MAX_PUSHES = 8  # attempts to reach a free position by moving off the nearest barriers
+MOST_POINTS, NODE_SIZE = 12, 3  # points around one origin, columns of `Graph.nodes`
 
-NONE, FOUND, NEEDS_GRAPH = 0, 1, -1  # results of a search
-_UNKNOWN, _OPEN, _BLOCKED = 0, 1, 2  # in `Graph.edges`
-_LONG = 32  # nodes; a longer search also looks from the end, which may lie in a small closed space
-
-
-class Space(NamedTuple):
-    """A free space for kernels.
-
-    Attributes:
-        barriers: (M, 8), `Barriers.table`.
-        ends: (3, E), x and y of the barriers' ends, m, and squares of their minimum distances, m^2.
-        lines: (6, L), x and y of start, end and the vector between them, of the barriers that have a length, m.
-        borders: (B, 4), start and end of the edges of the outline and, as holes, of solid objects, m.
-        clearance: m.
-    """
-
-    barriers: Floats2
-    ends: Floats2
-    lines: Floats2
-    borders: Floats2
-    clearance: float
+_SECTORS = 256  # of directions, for which it is known whether the view is blocked
+_FEW = 16  # nodes that are tested without this
+_BEYOND = 10.0  # m, more than a turning point can lie beyond the grid
+_END = -1  # after the last item of a row of `Graph.visible`
 
 
 class Graph(NamedTuple):
-    """Visibility graph, whose edges are found when paths need them.
+    """Visibility graph of a `Space`.
 
     Attributes:
-        nodes: (n, 2), turning points, m.
-        edges: (n, n), whether the straight line between two nodes is free: `_UNKNOWN`, `_OPEN` or `_BLOCKED`.
-        space: (n + 1,), number of the closed space that a node lies in, 0 while none is known; and how many are known.
-        is_built: False for a graph that has not been needed yet, which is empty.
+        origins: (C, 8), around which the nodes lie, see `_origins`.
+        nodes: (n, 3), turning points around `Space.solids`, free of these, m; origin of the wide polygon that it is a
+            corner of, or -1.
+        first, item: nodes in each cell of the grid of `Space.solids`, as in `Grid`.
+        visible: (n, S) of int, for each node the nodes that are visible from it among `Space.solids`, then `_END`.
+            They are numbered from 1 on; a row with a 0 in front of `_END`, or without `_END`, is not known yet.
+        added_nodes: (A, 3), the same around `Space.added`, and closer ones in place of nodes of wide polygons that are
+            not free any more; free of all barriers; as many as `added_count`.
+        is_covered: (n,) of bool, nodes that are not free of `Space.added`.
+        added_count: (1,) of int, -1 before the last two are filled.
     """
 
+    origins: Floats2
     nodes: Floats2
-    edges: Bytes2
-    space: Ints
-    is_built: bool
-
-
-NOT_BUILT = Packed(Graph(np.empty((0, 2)), np.empty((0, 0), np.uint8), np.zeros(1, np.int64), False))
-
-
-# Free positions and straight lines
+    first: Ints
+    item: Ints
+    visible: ShortInts2
+    added_nodes: Floats2
+    is_covered: Bools
+    added_count: Ints
 
 
 @kernel
-def prepare(barriers: Array, outline: Array, clearance: float) -> tuple[Array, Array, Array]:
-    """The ends and lines of a `Space`, transposed, and its borders.
-
-    A solid object is a closed line of consecutive barriers without a corner of the room's outline.
-    """
-    count = len(barriers)
-    ends, end_count, lines, line_count = np.empty((2 * count, 3)), 0, np.empty((count, 6)), 0
-    borders, border_count = np.empty((len(outline) + count, 4)), len(outline)
-    for k in range(len(outline)):
-        following = (k + 1) % len(outline)
-        borders[k, 0], borders[k, 1] = outline[k, X], outline[k, Y]
-        borders[k, 2], borders[k, 3] = outline[following, X], outline[following, Y]
-    first, is_apart = 0, True  # start of the line, and whether it has no corner of the outline
-    for k in range(count):
-        start_x, start_y = barriers[k, START_X], barriers[k, START_Y]
-        end_x, end_y = barriers[k, END_X], barriers[k, END_Y]
-        minimum = barriers[k, RADIUS] + (clearance - TOLERANCE)
-        ends[end_count, 0], ends[end_count, 1], ends[end_count, 2] = start_x, start_y, minimum * minimum
-        end_count += 1
-        if start_x != end_x or start_y != end_y:
-            lines[line_count, 0], lines[line_count, 1], lines[line_count, 2] = start_x, start_y, end_x
-            lines[line_count, 3], lines[line_count, 4], lines[line_count, 5] = end_y, end_x - start_x, end_y - start_y
-            line_count += 1
-        for c in range(len(outline)):
-            if outline[c, X] == start_x and outline[c, Y] == start_y:
-                is_apart = False
-        closes = end_x == barriers[first, START_X] and end_y == barriers[first, START_Y]
-        continues = False
-        if not closes and k + 1 < count:
-            continues = end_x == barriers[k + 1, START_X] and end_y == barriers[k + 1, START_Y]
-        following = first if closes else k + 1
-        if not (closes or continues) or barriers[following, RADIUS] != barriers[k, RADIUS]:
-            ends[end_count, 0], ends[end_count, 1], ends[end_count, 2] = end_x, end_y, minimum * minimum
-            end_count += 1
-        if closes and k > first + 1 and is_apart:
-            for i in range(first, k + 1):
-                borders[border_count, 0], borders[border_count, 1] = barriers[i, START_X], barriers[i, START_Y]
-                borders[border_count, 2], borders[border_count, 3] = barriers[i, END_X], barriers[i, END_Y]
-                border_count += 1
-        if not continues:
-            first, is_apart = k + 1, True
-    return ends[:end_count], lines[:line_count], borders[:border_count]
-
-
-@kernel
-def check_point(packed_space: Any, x: float, y: float) -> bool:
-    """`FreeSpace.is_free_at` in a packed `Space`."""
-    return bool(_is_free(unpack(packed_space, Space), x, y))
-
-
-@kernel
-def check_points(packed_space: Any, points: Array, free: BoolArray) -> None:
-    """`FreeSpace.is_free` in a packed `Space` for points (N, 2), m, into an array (N,)."""
+def find_nodes(packed_space: Any) -> tuple[Array, Array]:
+    """`Graph.origins` and `Graph.nodes` of a space without added barriers."""
     space = unpack(packed_space, Space)
-    for k in range(len(points)):
-        free[k] = _is_free(space, points[k, X], points[k, Y])
+    origins = _origins(space.solids, space.clearance + MARGIN)
+    nodes = np.empty((MOST_POINTS * len(origins), NODE_SIZE))
+    return origins, nodes[: _turning_points(space, origins, nodes)]
+
+
+@kernel
+def index_nodes(packed_solids: Any, nodes: Array) -> tuple[IntArray, IntArray]:
+    """`Graph.first` and `Graph.item`."""
+    grid = unpack(packed_solids, Solids).grid
+    first, item = np.zeros(grid.columns * grid.rows + 1, dtype=np.int64), np.empty(len(nodes), dtype=np.int64)
+    for i in range(len(nodes)):
+        first[_cell(grid, nodes[i, X], nodes[i, Y]) + 1] += 1
+    for c in range(grid.columns * grid.rows):
+        first[c + 1] += first[c]
+    following = first.copy()
+    for i in range(len(nodes)):
+        c = _cell(grid, nodes[i, X], nodes[i, Y])
+        item[following[c]] = i
+        following[c] += 1
+    return first, item
 
 
 @subroutine
-def _is_free(space: Space, x: float, y: float) -> bool:
-    """`FreeSpace.is_free` for one point."""
+def _cell(grid: Grid, x: float, y: float) -> int:
+    return column_of(grid, x) * grid.rows + row_of(grid, y)
+
+
+@subroutine
+def complete(space: Space, graph: Graph) -> None:
+    """Fill what depends on added barriers, if that was not done before."""
+    if graph.added_count[0] >= 0:
+        return
+    added, grid = space.added, space.solids.grid
+    graph.added_count[0] = 0
+    if len(added.table) == 0:
+        return
     minimum = space.clearance - TOLERANCE
-    for k in range(len(space.barriers)):
-        if gap(space.barriers, k, x, y) < minimum:
-            return False
-    return is_inside(space.borders, x, y)
-
-
-@kernel
-def check_lines(barriers: Array, clearance: float, start: Array, end: Array, clear: BoolArray) -> None:
-    """`FreeSpace.is_clear` for straight lines from start (N, 2) to end (N, 2), m, into an array (N,)."""
-    for i in range(len(start)):
-        clear[i] = is_clear(barriers, clearance, start[i, X], start[i, Y], end[i, X], end[i, Y])
-
-
-@subroutine
-def is_clear(barriers: Array, clearance: float, x: float, y: float, end_x: float, end_y: float) -> bool:
-    """`FreeSpace.is_clear` for one straight line."""
-    return _blocker(barriers, clearance, x, y, end_x, end_y) < 0
-
-
-@subroutine
-def _blocker(barriers: Array, clearance: float, x: float, y: float, end_x: float, end_y: float) -> int:
-    """Index of the first barrier that is too near to a straight line; -1 if none is."""
-    for k in range(len(barriers)):
-        if _is_blocked(barriers, k, clearance, x, y, end_x, end_y):
-            return k
-    return -1
-
-
-@subroutine
-def _is_blocked(barriers: Array, k: int, clearance: float, x: float, y: float, end_x: float, end_y: float) -> bool:
-    """Whether barrier k is too near to a straight line."""
-    # Most barriers are beyond one side of the rectangle around the line.
-    reach = barriers[k, RADIUS] + clearance
-    ax, ay, bx, by = barriers[k, START_X], barriers[k, START_Y], barriers[k, END_X], barriers[k, END_Y]
-    if (
-        min(ax, bx) > max(x, end_x) + reach
-        or max(ax, bx) < min(x, end_x) - reach
-        or min(ay, by) > max(y, end_y) + reach
-        or max(ay, by) < min(y, end_y) - reach
-    ):
-        return False
-    return line_gap(barriers, k, x, y, end_x, end_y) < clearance - TOLERANCE
-
-
-@subroutine
-def _is_visible(ends: Array, lines: Array, x: float, y: float, end_x: float, end_y: float) -> bool:
-    """`FreeSpace.is_clear` for one line between positions known to be free.
-
-    Between free positions a barrier comes too near only at one of its ends or by being crossed, which is faster
-    to test.
-    """
-    along_x, along_y, near = end_x - x, end_y - y, 0
-    inverse = inverse_square(along_x, along_y)
-    for k in range(ends.shape[1]):  # without an exit, the loop uses the processor's vectors
-        dx, dy = to_line(ends[0, k] - x, ends[1, k] - y, along_x, along_y, inverse)
-        near += dx * dx + dy * dy < ends[2, k]
-    return near == 0 and not _is_separated(lines, x, y, end_x, end_y)
-
-
-@subroutine
-def _is_separated(lines: Array, x: float, y: float, end_x: float, end_y: float) -> bool:
-    """Whether a barrier is properly crossed between two points, as in `crosses`."""
-    wx, wy, crossed = end_x - x, end_y - y, 0
-    for k in range(lines.shape[1]):  # without an exit, as above
-        ax, ay, dx, dy = lines[0, k], lines[1, k], lines[4, k], lines[5, k]
-        p = dx * (y - ay) - dy * (x - ax)
-        q = dx * (end_y - ay) - dy * (end_x - ax)
-        a = wx * (ay - y) - wy * (ax - x)
-        b = wx * (lines[3, k] - y) - wy * (lines[2, k] - x)
-        crossed += (p * q < 0.0) & (a * b < 0.0)
-    return crossed > 0
-
-
-@subroutine
-def _nearest_free(space: Space, graph: Graph, x: float, y: float) -> tuple[int, float, float]:
-    """A free position near a point: status, x and y, m.
-
-    The point itself if it is free, else the point pushed off the barriers that are too near, else the nearest turning
-    point. `NONE` without a turning point on this side of the barriers; `NEEDS_GRAPH` if the graph must be built first.
-    """
-    free_x, free_y = x, y
-    for k in range(_MAX_PUSHES):
-        if _is_free(space, free_x, free_y):
-            if k > 0 and _is_separated(space.lines, x, y, free_x, free_y):
-                return NONE, x, y
-            return FOUND, free_x, free_y
-        push_x, push_y = _push(space, free_x, free_y)
-        free_x, free_y = free_x + push_x, free_y + push_y
-    if not graph.is_built:
-        return NEEDS_GRAPH, x, y
-    status, nearest = NONE, math.inf
+    for k in range(len(added.table)):
+        reach = minimum + added.table[k, RADIUS]
+        ax, ay, bx, by = added.table[k, START_X], added.table[k, START_Y], added.table[k, END_X], added.table[k, END_Y]
+        low, high = row_of(grid, min(ay, by) - reach), row_of(grid, max(ay, by) + reach)
+        for column in range(column_of(grid, min(ax, bx) - reach), column_of(grid, max(ax, bx) + reach) + 1):
+            for n in range(graph.first[column * grid.rows + low], graph.first[column * grid.rows + high + 1]):
+                i = graph.item[n]
+                dx, dy = towards(added.table, k, graph.nodes[i, X], graph.nodes[i, Y])
+                if dx * dx + dy * dy < reach * reach:
+                    graph.is_covered[i] = True
+    if len(space.holes) > 0:
+        for i in range(len(graph.nodes)):
+            if is_inside(space.holes, graph.nodes[i, X], graph.nodes[i, Y]):
+                graph.is_covered[i] = True
+    around = _origins(added, space.clearance + MARGIN)
+    # Around other obstacles, closer polygons take the place of wide ones that do not fit any more.
+    nodes, count, done = graph.added_nodes, _turning_points(space, around, graph.added_nodes), -1
     for i in range(len(graph.nodes)):
-        node_x, node_y = graph.nodes[i, X], graph.nodes[i, Y]
-        distance = length(node_x - x, node_y - y)
-        if distance < nearest and not _is_separated(space.lines, x, y, node_x, node_y):
-            status, nearest, free_x, free_y = FOUND, distance, node_x, node_y
-    return status, free_x, free_y
+        k = int(graph.nodes[i, 2])
+        if graph.is_covered[i] and k >= 0 and k != done:  # nodes of one polygon follow each other
+            done, polygon = k, 2 * int(graph.origins[k, _KIND]) + 1
+            for step in range(_FIRST[polygon], _FIRST[polygon + 1]):
+                x, y = _candidate(graph.origins, k, step, True)
+                if count < len(nodes) and is_free(space, x, y):
+                    nodes[count, X], nodes[count, Y], nodes[count, 2] = x, y, -1.0
+                    count += 1
+    graph.added_count[0] = count
 
 
 @subroutine
-def _push(space: Space, x: float, y: float) -> tuple[float, float]:
-    """Displacement that moves a position off the barrier whose clearance it misses most."""
-    deepest, dx, dy = math.inf, 0.0, 0.0
-    for k in range(len(space.barriers)):
-        depth = gap(space.barriers, k, x, y)
-        if depth < deepest:
-            deepest = depth
-            dx, dy = towards(space.barriers, k, x, y)
-    distance = length(dx, dy)
-    if distance == 0.0:  # on the core line: no direction is better than another
-        return 0.0, 0.0
-    scale = max(space.clearance - deepest, 0.0) / distance
-    return -dx * scale, -dy * scale
-
-
-# The graph
-
-
-@kernel
-def build_nodes(packed_space: Any) -> Array:
-    """Nodes of a `Graph`."""
-    return _turning_points(unpack(packed_space, Space))
+def is_node(graph: Graph, i: int) -> bool:
+    """Whether node i is free of added barriers; the nodes are numbered one after the other."""
+    return i >= len(graph.nodes) or not graph.is_covered[i]
 
 
 @subroutine
-def _turning_points(space: Space) -> Array:
-    """Free positions (n, 2) around the inflated barriers: wide polygons, or closer ones where these do not fit."""
-    origins = _origins(space.barriers, space.clearance + MARGIN)
-    nodes, count = np.empty((12 * len(origins), 2)), 0
+def node(graph: Graph, i: int) -> Vector:
+    """Position of node i, m."""
+    if i < len(graph.nodes):
+        return graph.nodes[i, X], graph.nodes[i, Y]
+    i -= len(graph.nodes)
+    return graph.added_nodes[i, X], graph.added_nodes[i, Y]
+
+
+@subroutine
+def _turning_points(space: Space, origins: Array, nodes: Array) -> int:
+    """Fill `Graph.nodes` with free positions around origins, from wide polygons, or closer ones where these do not fit.
+
+    Returns:
+        Their number.
+    """
+    count = 0
     fits = np.empty(len(origins), dtype=np.bool_)
     for polygon in range(len(_FIRST) - 1):
         kind, is_close = polygon // 2, polygon % 2 == 1
@@ -297,14 +172,15 @@ def _turning_points(space: Space) -> Array:
             first = count
             for step in range(_FIRST[polygon], _FIRST[polygon + 1]):
                 x, y = _candidate(origins, k, step, is_close)
-                if _is_free(space, x, y):
+                if is_free(space, x, y):
                     nodes[count, X], nodes[count, Y] = x, y
+                    nodes[count, 2] = -1.0 if is_close else k
                     count += 1
             if not is_close:
                 fits[k] = count - first == _FIRST[polygon + 1] - _FIRST[polygon]
                 if not fits[k]:
                     count = first
-    return nodes[:count]
+    return count
 
 
 @subroutine
@@ -321,225 +197,274 @@ def _candidate(origins: Array, k: int, step: int, is_close: bool) -> Vector:
 
 
 @subroutine
-def _origins(barriers: Array, offset: float) -> Array:
+def _origins(solids: Solids, offset: float) -> Array:
     """The discs, corners and free ends of barriers, around which paths turn.
 
     Args:
-        barriers: (M, 8).
+        solids: barriers.
         offset: distance of turning points from the barriers' surfaces, m.
 
     Returns:
         (C, 8): position, m; direction to which the barrier ends (unit vector); radius of the barrier and offset, m;
         kind; for corners, the factors by which the points lie farther ahead and aside.
     """
-    ends, end_count = _directed_ends(barriers, offset)
-    origins, count = np.empty((len(barriers) + end_count, 8)), 0
-    for k in range(len(barriers)):
-        if barriers[k, START_X] == barriers[k, END_X] and barriers[k, START_Y] == barriers[k, END_Y]:
-            origins[count, X], origins[count, Y] = barriers[k, START_X], barriers[k, START_Y]
+    table = solids.table
+    origins, count = np.empty((2 * len(table), 8)), 0
+    for k in range(len(table)):
+        if not _has_length(table, k):
+            origins[count, X], origins[count, Y] = table[k, START_X], table[k, START_Y]
             origins[count, _AHEAD_X], origins[count, _AHEAD_Y] = 1.0, 0.0
-            origins[count, _REACH], origins[count, _KIND] = barriers[k, RADIUS] + offset, _DISC
+            origins[count, _REACH], origins[count, _KIND] = table[k, RADIUS] + offset, _DISC
             origins[count, _MITRE], origins[count, _CUT] = 1.0, 1.0
             count += 1
-    for k in range(end_count):
-        partner, meeting = -1, 0
-        for other in range(end_count):
-            if ends[other, X] == ends[k, X] and ends[other, Y] == ends[k, Y] and other != k:
-                partner, meeting = other, meeting + 1
-        for column in range(5):
-            origins[count, column] = ends[k, column]
-        origins[count, _KIND], origins[count, _MITRE], origins[count, _CUT] = _FREE_END, 1.0, 1.0
-        if meeting == 1:
-            x, y = ends[k, _AHEAD_X] + ends[partner, _AHEAD_X], ends[k, _AHEAD_Y] + ends[partner, _AHEAD_Y]
-            cosine = length(x, y) / 2  # of half the angle between the two barriers
-            sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
-            if sine >= _MIN_SINE:
-                # Each corner once, at the first of its two ends; none where a wall continues straight on.
-                if not (k < partner and cosine > _MIN_COSINE):
-                    continue
-                origins[count, _AHEAD_X], origins[count, _AHEAD_Y] = x / (2 * cosine), y / (2 * cosine)
-                origins[count, _MITRE], origins[count, _CUT] = 1 / sine, (1.0 - sine) / cosine
-                origins[count, _KIND] = _CORNER
-        count += 1
+    for side in range(2):
+        for k in range(len(table)):
+            if not _has_length(table, k):
+                continue
+            partner, partner_side, meeting = _meeting_end(solids, k, side)
+            ahead_x, ahead_y = _direction_at(table, k, side)
+            origins[count, X], origins[count, Y] = table[k, 2 * side], table[k, 2 * side + 1]
+            origins[count, _AHEAD_X], origins[count, _AHEAD_Y] = ahead_x, ahead_y
+            origins[count, _REACH], origins[count, _KIND] = table[k, RADIUS] + offset, _FREE_END
+            origins[count, _MITRE], origins[count, _CUT] = 1.0, 1.0
+            if meeting == 1:
+                other_x, other_y = _direction_at(table, partner, partner_side)
+                x, y = ahead_x + other_x, ahead_y + other_y
+                cosine = length(x, y) / 2  # of half the angle between the two barriers
+                sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
+                if sine >= _MIN_SINE:
+                    # Each corner once, at the first of its two ends; none where a wall continues straight on.
+                    is_first = side < partner_side or (side == partner_side and k < partner)
+                    if not (is_first and cosine > _MIN_COSINE):
+                        continue
+                    origins[count, _AHEAD_X], origins[count, _AHEAD_Y] = x / (2 * cosine), y / (2 * cosine)
+                    origins[count, _MITRE], origins[count, _CUT] = 1 / sine, (1.0 - sine) / cosine
+                    origins[count, _KIND] = _CORNER
+            count += 1
     return origins[:count]
 
 
 @subroutine
-def _directed_ends(barriers: Array, offset: float) -> tuple[Array, int]:
-    """The starts, then the ends of barriers that have a length: rows as in `_origins`, and their number."""
-    ends, count = np.empty((2 * len(barriers), 5)), 0
-    for side in range(2):
-        for k in range(len(barriers)):
-            along_x, along_y = barriers[k, END_X] - barriers[k, START_X], barriers[k, END_Y] - barriers[k, START_Y]
-            size, sign = length(along_x, along_y), 2.0 * side - 1.0
-            if size > 0.0:
-                ends[count, X], ends[count, Y] = barriers[k, 2 * side], barriers[k, 2 * side + 1]
-                ends[count, _AHEAD_X], ends[count, _AHEAD_Y] = sign * (along_x / size), sign * (along_y / size)
-                ends[count, _REACH] = barriers[k, RADIUS] + offset
-                count += 1
-    return ends, count
+def _has_length(table: Array, k: int) -> bool:
+    """Whether barrier k is no disc."""
+    return bool(table[k, START_X] != table[k, END_X] or table[k, START_Y] != table[k, END_Y])
 
 
-# Paths
+@subroutine
+def _direction_at(table: Array, k: int, side: int) -> Vector:
+    """Unit vector from the other end of barrier k to its start (side 0) or end (side 1)."""
+    along_x, along_y = table[k, END_X] - table[k, START_X], table[k, END_Y] - table[k, START_Y]
+    size, sign = length(along_x, along_y), 2.0 * side - 1.0
+    return sign * (along_x / size), sign * (along_y / size)
 
 
-@kernel
-def find_path(
-    packed_space: Any, packed_graph: Any, start_x: float, start_y: float, goal_x: float, goal_y: float, route: Array
-) -> tuple[int, float]:
-    """The shortest path from a start to a goal.
+@subroutine
+def _meeting_end(solids: Solids, k: int, side: int) -> tuple[int, int, int]:
+    """An end of another barrier at the same point as an end of barrier k: barrier, side, and number of such ends."""
+    table, grid = solids.table, solids.grid
+    x, y = table[k, 2 * side], table[k, 2 * side + 1]
+    cell, partner, partner_side, meeting = _cell(grid, x, y), -1, 0, 0
+    for n in range(grid.first[cell], grid.first[cell + 1]):
+        j = grid.item[n]
+        for other in range(2):
+            is_same = j == k and other == side
+            if table[j, 2 * other] == x and table[j, 2 * other + 1] == y and not is_same and _has_length(table, j):
+                partner, partner_side, meeting = j, other, meeting + 1
+    return partner, partner_side, meeting
+
+
+# Visible nodes
+
+
+@subroutine
+def _visible_nodes(space: Space, graph: Graph, own: int, x: float, y: float, found: IntArray) -> int:
+    """The nodes around `Space.solids` to which a straight line from a free position is clear of these.
+
+    Cells are visited from the position outwards, until the view is blocked in all directions.
 
     Args:
-        packed_space, packed_graph: packed `Space` and `Graph`.
-        start_x, start_y, goal_x, goal_y: m.
-        route: (n + 4, 2), output: points of the path, m.
+        space, graph: their added barriers and nodes are left out.
+        own: node at this position; -1 for another one.
+        x, y: free position, m.
+        found: (n,) of int, is filled.
 
     Returns:
-        Number of points of the route, and length of the path, m; 0 and infinite if there is no path. `NEEDS_GRAPH` in
-        place of the number if the graph must be built first.
+        Their number.
     """
-    space, graph = unpack(packed_space, Space), unpack(packed_graph, Graph)
-    end_status, end_x, end_y = _nearest_free(space, graph, goal_x, goal_y)
-    status, x, y = _nearest_free(space, graph, start_x, start_y)
-    if status == NEEDS_GRAPH or end_status == NEEDS_GRAPH:
-        return NEEDS_GRAPH, math.inf
-    if status == NONE or end_status == NONE:
-        return 0, math.inf
-    shortest, count = length(end_x - x, end_y - y), 0
-    if not _is_visible(space.ends, space.lines, x, y, end_x, end_y):
-        if not graph.is_built:
-            return NEEDS_GRAPH, math.inf
-        shortest, count = _search(space, graph, x, y, end_x, end_y, route[2:])
-        if shortest == math.inf:
-            return 0, math.inf
-    route[0, X], route[0, Y], route[1, X], route[1, Y] = start_x, start_y, x, y
-    count += 2
-    route[count, X], route[count, Y], route[count + 1, X], route[count + 1, Y] = end_x, end_y, goal_x, goal_y
-    kept = 1
-    for k in range(1, count + 2):  # drop the points that equal the previous one
-        if route[k, X] != route[k - 1, X] or route[k, Y] != route[k - 1, Y]:
-            route[kept, X], route[kept, Y] = route[k, X], route[k, Y]
-            kept += 1
-    return kept, shortest + length(x - start_x, y - start_y)
+    solids, clearance, count = space.solids, space.clearance, 0
+    grid, minimum = solids.grid, clearance - TOLERANCE
+    if len(graph.nodes) <= _FEW:
+        for i in range(len(graph.nodes)):
+            to_x, to_y = graph.nodes[i, X], graph.nodes[i, Y]
+            if i != own and not is_near_line(solids, minimum, x, y, to_x, to_y):
+                found[count] = i
+                count += 1
+        return count
+    is_hidden = np.zeros(_SECTORS, dtype=np.bool_)
+    is_complete = np.zeros(len(solids.table), dtype=np.bool_)  # barriers whose effect is known
+    # Cells in view, in rings around the position: those of a ring are next to those of the ring before.
+    own_column, own_row = column_of(grid, x), row_of(grid, y)
+    cells, is_listed = np.empty(grid.columns * grid.rows, np.int64), np.zeros(grid.columns * grid.rows, np.bool_)
+    cells[0], first, end, ring = own_column * grid.rows + own_row, 0, 1, 0
+    while first < end:
+        last = end
+        for m in range(first, last):
+            column, row = cells[m] // grid.rows, cells[m] % grid.rows
+            if ring > 0 and _is_cell_hidden(is_hidden, grid, column, row, x, y):
+                cells[m] = -1
+                continue
+            for n in range(graph.first[cells[m]], graph.first[cells[m] + 1]):
+                i = graph.item[n]
+                to_x, to_y = graph.nodes[i, X], graph.nodes[i, Y]
+                if i == own or (to_x == x and to_y == y) or is_hidden[int(_sector(to_x - x, to_y - y)) % _SECTORS]:
+                    continue
+                if not is_near_line(solids, minimum, x, y, to_x, to_y):
+                    found[count] = i
+                    count += 1
+        # What lies within these rings hides what is farther away.
+        box = (
+            grid.west + (own_column - ring) * grid.cell - x, grid.south + (own_row - ring) * grid.cell - y,
+            grid.west + (own_column + ring + 1) * grid.cell - x, grid.south + (own_row + ring + 1) * grid.cell - y,
+        )  # fmt: skip
+        is_inside_box = box[0] <= 0.0 and box[1] <= 0.0 and box[2] >= 0.0 and box[3] >= 0.0
+        for m in range(first, last):
+            if cells[m] < 0:
+                continue
+            for n in range(grid.first[cells[m]], grid.first[cells[m] + 1]):
+                k = grid.item[n]
+                if is_inside_box and not is_complete[k]:
+                    is_complete[k] = _hide(is_hidden, solids.table, k, clearance, x, y, box)
+            column, row = cells[m] // grid.rows, cells[m] % grid.rows
+            for c in range(max(column - 1, 0), min(column + 2, grid.columns)):
+                for r in range(max(row - 1, 0), min(row + 2, grid.rows)):
+                    is_outside = max(abs(c - own_column), abs(r - own_row)) > ring
+                    if is_outside and not is_listed[c * grid.rows + r]:
+                        cells[end], is_listed[c * grid.rows + r] = c * grid.rows + r, True
+                        end += 1
+        first, ring = last, ring + 1
+    return count
 
 
 @subroutine
-def _search(
-    space: Space, graph: Graph, x: float, y: float, end_x: float, end_y: float, route: Array
-) -> tuple[float, int]:
-    """The shortest path over nodes: its length, m, infinite without a path, and their number; fills the route.
-
-    A* that tests a line only when it would be the next one of the shortest path, so that most are never tested.
-    """
-    count, reached, is_connected = len(graph.nodes), 0, False
-    if graph.space[count] > 0 and (
-        _is_shut_off(space, graph, end_x, end_y, x, y) or _is_shut_off(space, graph, x, y, end_x, end_y)
-    ):
-        return math.inf, 0
-    previous, is_reached = np.full(count + 1, -1), np.zeros(count + 1, dtype=np.bool_)  # the last is the end
-    is_seen = np.zeros(count + 1, dtype=np.bool_)  # from the end; here the last is the start
-    # Lines from one node, or the start or end (-1), to another: bound of the path and length up to there, m.
-    lines, lines_back = [(math.inf, 0.0, -1, -1)], [(math.inf, 0.0, -1, -1)]
-    _add_lines(lines, graph, is_reached, -1, x, y, end_x, end_y, 0.0)
-    _add_lines(lines_back, graph, is_seen, -1, end_x, end_y, x, y, 0.0)
-    while True:
-        bound, travelled, i, j = heapq.heappop(lines)
-        if bound == math.inf:
-            _mark_closed(graph, is_reached)
-            return math.inf, 0
-        if not is_reached[j] and _is_open(space, graph, i, j, x, y, end_x, end_y):
-            is_reached[j], previous[j], reached = True, i, reached + 1
-            if j == count:
-                return travelled, _trace(graph, previous, i, route)
-            is_connected |= is_seen[j]
-            _add_lines(lines, graph, is_reached, j, graph.nodes[j, X], graph.nodes[j, Y], end_x, end_y, travelled)
-        if reached > _LONG and not is_connected:
-            bound, travelled, i, j = heapq.heappop(lines_back)
-            if bound == math.inf:
-                _mark_closed(graph, is_seen)
-                return math.inf, 0
-            if not is_seen[j] and _is_open(space, graph, i, j, end_x, end_y, x, y):
-                is_seen[j], is_connected = True, j == count or is_reached[j]
-                if not is_connected:
-                    _add_lines(lines_back, graph, is_seen, j, graph.nodes[j, X], graph.nodes[j, Y], x, y, travelled)
-
-
-@subroutine
-def _mark_closed(graph: Graph, is_reached: BoolArray) -> None:
-    """Number the closed space of all nodes that a search without success has reached."""
-    count = len(graph.nodes)
-    graph.space[count] += 1
-    for k in range(count):
-        if is_reached[k]:
-            graph.space[k] = graph.space[count]
-
-
-@subroutine
-def _is_shut_off(space: Space, graph: Graph, x: float, y: float, other_x: float, other_y: float) -> bool:
-    """Whether a free position sees nodes of known closed spaces only, and another free position sees none of these."""
-    count, blocker = len(graph.nodes), 0
-    is_entered = np.zeros(graph.space[count] + 1, dtype=np.bool_)  # by number of the closed space
-    for k in range(count):
-        node_x, node_y = graph.nodes[k, X], graph.nodes[k, Y]
-        # What blocks the line to a node mostly blocks the line to the next one, which is near.
-        if _is_blocked(space.barriers, blocker, space.clearance, x, y, node_x, node_y):
-            continue
-        found = _blocker(space.barriers, space.clearance, x, y, node_x, node_y)
-        if found >= 0:
-            blocker = found
-        elif graph.space[k] == 0:
-            return False
-        else:
-            is_entered[graph.space[k]] = True
-    for k in range(count):
-        if is_entered[graph.space[k]] and _is_visible(
-            space.ends, space.lines, other_x, other_y, graph.nodes[k, X], graph.nodes[k, Y]
-        ):
+def _is_cell_hidden(is_hidden: BoolArray, grid: Grid, column: int, row: int, x: float, y: float) -> bool:
+    """Whether no line from a position beside a cell, m, that is not hidden leads into this cell."""
+    west, south = grid.west + column * grid.cell - x, grid.south + row * grid.cell - y
+    east, north = west + grid.cell, south + grid.cell
+    # Border cells go on beyond the grid.
+    west, east = west - _BEYOND * (column == 0), east + _BEYOND * (column == grid.columns - 1)
+    south, north = south - _BEYOND * (row == 0), north + _BEYOND * (row == grid.rows - 1)
+    if west > 0.0:
+        ax, ay = east if south > 0.0 else west, south
+        bx, by = east if north < 0.0 else west, north
+    elif east < 0.0:
+        ax, ay = west if north < 0.0 else east, north
+        bx, by = west if south > 0.0 else east, south
+    elif south > 0.0:
+        ax, ay, bx, by = east, south, west, south
+    elif north < 0.0:
+        ax, ay, bx, by = west, north, east, north
+    else:
+        return False
+    begin, end = _sector(ax, ay), _sector(bx, by)
+    if end < begin:
+        end += _SECTORS
+    for n in range(int(begin), int(end) + 1):
+        if not is_hidden[n % _SECTORS]:
             return False
     return True
 
 
 @subroutine
-def _add_lines(
-    lines: list[tuple[float, float, int, int]], graph: Graph, is_reached: BoolArray,
-    i: int, x: float, y: float, end_x: float, end_y: float, travelled: float,
-) -> None:  # fmt: skip
-    """Add the lines from node i, at a position, to the nodes that are not reached, and to the end."""
-    count = len(graph.nodes)
-    for j in range(count):
-        if not is_reached[j] and (i < 0 or graph.edges[i, j] != _BLOCKED):
-            node_x, node_y = graph.nodes[j, X], graph.nodes[j, Y]
-            total = travelled + length(node_x - x, node_y - y)
-            heapq.heappush(lines, (total + length(end_x - node_x, end_y - node_y), total, i, j))
-    total = travelled + length(end_x - x, end_y - y)
-    heapq.heappush(lines, (total, total, i, count))
+def _hide(
+    is_hidden: BoolArray, table: Array, k: int, clearance: float, x: float, y: float,
+    box: tuple[float, float, float, float],
+) -> bool:  # fmt: skip
+    """Mark the sectors of directions in which barrier k blocks every line that leaves a box around a position.
+
+    Args:
+        is_hidden: (S,), is updated.
+        table, k: barrier.
+        clearance: m.
+        x, y: position, m.
+        box: west, south, east and north edge, relative to the position, m.
+
+    Returns:
+        Whether a larger box would change nothing.
+    """
+    ax, ay, bx, by = table[k, START_X] - x, table[k, START_Y] - y, table[k, END_X] - x, table[k, END_Y] - y
+    middle_x, middle_y = ax + bx, ay + by
+    if middle_x == 0.0 and middle_y == 0.0:
+        return True
+    # The core line, a little longer; for a disc, a line across the view. Whoever crosses it comes too near.
+    reach = 0.9 * (table[k, RADIUS] + clearance)
+    along_x, along_y = bx - ax, by - ay
+    if along_x == 0.0 and along_y == 0.0:
+        along_x, along_y = -middle_y, middle_x
+    scale = reach / length(along_x, along_y)
+    ax, ay, bx, by = ax - scale * along_x, ay - scale * along_y, bx + scale * along_x, by + scale * along_y
+    is_whole: bool = min(ax, bx) >= box[0] and min(ay, by) >= box[1] and max(ax, bx) <= box[2] and max(ay, by) <= box[3]
+    if is_whole and is_hidden[int(_sector(middle_x, middle_y)) % _SECTORS]:
+        return True  # most of these are hidden by others; that a few are not costs little
+    if not is_whole:  # its part within the box
+        along_x, along_y, low, high = bx - ax, by - ay, 0.0, 1.0
+        for axis in range(2):
+            start, change = (ax, along_x) if axis == 0 else (ay, along_y)
+            least, most = box[axis], box[axis + 2]
+            if change == 0.0:
+                if start < least or start > most:
+                    return False
+            else:
+                first, second = (least - start) / change, (most - start) / change
+                low, high = max(low, min(first, second)), min(high, max(first, second))
+        if not low < high:
+            return False
+        ax, ay, bx, by = ax + low * along_x, ay + low * along_y, ax + high * along_x, ay + high * along_y
+    cross = ax * by - ay * bx
+    if cross < 0.0:
+        ax, ay, bx, by = bx, by, ax, ay
+    if abs(cross) < 1e-12:
+        return is_whole
+    begin, end = _sector(ax, ay), _sector(bx, by)
+    if end < begin:
+        end += _SECTORS
+    for n in range(math.ceil(begin), math.floor(end)):
+        is_hidden[n % _SECTORS] = True
+    return is_whole
 
 
 @subroutine
-def _is_open(space: Space, graph: Graph, i: int, j: int, x: float, y: float, end_x: float, end_y: float) -> bool:
-    """Whether the line from node i, or from the start (-1), to node j, or to the end (n), is free; nodes keep it."""
-    count = len(graph.nodes)
-    is_kept = i >= 0 and j < count
-    if is_kept and graph.edges[i, j] != _UNKNOWN:
-        return bool(graph.edges[i, j] == _OPEN)
-    if i >= 0:
-        x, y = graph.nodes[i, X], graph.nodes[i, Y]
-    if j < count:
-        end_x, end_y = graph.nodes[j, X], graph.nodes[j, Y]
-    is_open = _is_visible(space.ends, space.lines, x, y, end_x, end_y)
-    if is_kept:
-        graph.edges[i, j] = graph.edges[j, i] = _OPEN if is_open else _BLOCKED
-    return is_open
+def _sector(dx: float, dy: float) -> float:
+    """Direction of a vector as a number from 0 to `_SECTORS`, which grows counter-clockwise."""
+    part = dy / (abs(dx) + abs(dy))
+    return (part + 1.0 if dx >= 0.0 else 3.0 - part) * (_SECTORS / 4)
 
 
 @subroutine
-def _trace(graph: Graph, previous: IntArray, last: int, route: Array) -> int:
-    """Put the nodes of a path up to the last one into the route; returns their number."""
-    count, k = 0, last
-    while k >= 0:
-        count, k = count + 1, previous[k]
-    k = last
-    for place in range(count - 1, -1, -1):
-        route[place, X], route[place, Y] = graph.nodes[k, X], graph.nodes[k, Y]
-        k = previous[k]
+def _known_row(graph: Graph, i: int) -> int:
+    """Length of row i of `Graph.visible`; -1 if it is not known."""
+    row = graph.visible[i]
+    for n in range(len(row)):
+        if row[n] <= 0:
+            return n if row[n] == _END else -1
+    return -1
+
+
+@subroutine
+def visible_row(space: Space, graph: Graph, i: int, x: float, y: float, found: IntArray) -> int:
+    """`_visible_nodes` of node i, or of a position (x, y) that is no node around `Space.solids`.
+
+    Rows of `Graph.visible` may be filled by several threads at a time: these write the same numbers.
+    """
+    if i < 0 or i >= len(graph.nodes):
+        return _visible_nodes(space, graph, -1, x, y, found)
+    row, count = graph.visible[i], _known_row(graph, i)
+    if count >= 0:
+        for n in range(count):
+            found[n] = row[n] - 1
+        return count
+    count = _visible_nodes(space, graph, i, x, y, found)
+    if count < len(row):
+        for n in range(count):
+            row[n] = found[n] + 1
+        row[count] = _END
     return count

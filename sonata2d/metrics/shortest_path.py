@@ -11,10 +11,11 @@ import math
 
 import numpy as np
 
+from ..core.barrier_grid import is_too_near
 from ..core.compiled.kernel import kernel, subroutine
 from ..core.compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, gap
+from ..core.free_space import TOLERANCE
 from ..core.portable_math import Array
-from ..core.visibility import TOLERANCE, is_clear
 
 _ARC_STEPS = 180  # of a whole circle, at which an arc is tested for obstacles
 _TURN = 2.0 * math.pi
@@ -44,7 +45,7 @@ def shortest_length(
         return 0.0
     part = straight / (straight + distance)
     barriers = _passable(barriers, radius, x, y)
-    if is_clear(barriers, radius, x, y, x + part * (goal_x - x), y + part * (goal_y - y)):
+    if _is_clear(barriers, radius, x, y, x + part * (goal_x - x), y + part * (goal_y - y)):
         return straight
     circles = _circles(barriers, radius)
     targets = _targets(barriers, circles, radius, goal_x, goal_y, distance)
@@ -54,7 +55,7 @@ def shortest_length(
     tried = [(0, 0, 0.0, 0.0, 0.0)]  # circle, sense, angle and length on arrival, angle to the next obstacle
     while len(lines) > 0:
         _, travelled, start_x, start_y, end_x, end_y, circle, sense = heapq.heappop(lines)
-        if circle != -2 and not is_clear(barriers, radius, start_x, start_y, end_x, end_y):
+        if circle != -2 and not _is_clear(barriers, radius, start_x, start_y, end_x, end_y):
             continue
         if circle == -1:
             return travelled
@@ -113,6 +114,15 @@ def _is_free(barriers: Array, radius: float, x: float, y: float) -> bool:
     """Whether a disc can be at a point."""
     for k in range(len(barriers)):
         if gap(barriers, k, x, y) < radius - TOLERANCE:
+            return False
+    return True
+
+
+@subroutine
+def _is_clear(barriers: Array, radius: float, x: float, y: float, end_x: float, end_y: float) -> bool:
+    """Whether a disc can move straight from one point to another."""
+    for k in range(len(barriers)):
+        if is_too_near(barriers, k, radius, TOLERANCE, x, y, end_x, end_y):
             return False
     return True
 

@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 import pymunk
 
+from ..core.barrier_grid import solids_of
 from ..core.compiled.kernel import say_if_slow
 from ..core.compiled.packing import Packed
 from ..core.devices import DeviceEvent
@@ -73,7 +74,7 @@ class World:
             motion=np.array([*scene.robot.pose.position, 0.0, 0.0]),
             drive=np.zeros(DRIVE_SIZE),
             rules=rules_of(scene, FASTEST_PERSON),
-            barriers=scene.barriers.table,
+            solids=solids_of(scene.barriers),
             acceleration=np.zeros((count, 2)),
             is_absent=np.zeros(count, dtype=bool),
             may_overlap=np.zeros(count, dtype=bool),

@@ -13,9 +13,9 @@ from sonata2d.agents.pedestrians.models.moussaid2009 import excess_radius_of, in
 from sonata2d.core.geometry import Barriers
 from sonata2d.core.portable_math import Array
 
-from ..conftest import neighbour_lists
+from ..conftest import beside_walls, neighbour_lists
 
-WALL = Barriers.of([((-5.0, 0.0), (5.0, 0.0), 0.0)]).table
+WALL = Barriers.of([((-5.0, 0.0), (5.0, 0.0), 0.0)])
 EAST, WEST = (1.0, 0.0), (-1.0, 0.0)
 MOUSSAID, HELBING = moussaid2009.PARAMETERS, helbing2000.PARAMETERS
 
@@ -80,7 +80,8 @@ def test_standing_pedestrians_step_ahead_faster_than_sideways_and_back() -> None
 
 
 def test_walls_repel_perpendicularly_and_by_the_gap() -> None:
-    above, below = (base.wall_acceleration(WALL, x, y, 0.2, 3.0, 0.1) for x, y in ((0.0, 0.3), (1.0, -0.5)))
+    walkers = beside_walls(agents([[0.0, 0.3], [1.0, -0.5]]), WALL)
+    above, below = (base.wall_acceleration(walkers, i, WALL.table, 0.2, 3.0, 0.1) for i in range(2))
     assert above == pytest.approx((0.0, 3.0 * math.exp(-1.0)), abs=1e-6)
     assert below == pytest.approx((0.0, -3.0 * math.exp(-3.0)), abs=1e-6)
 
@@ -164,7 +165,7 @@ def test_helbing2000_compression_and_friction_by_hand(gap: float) -> None:
 @pytest.mark.parametrize("gap", [0.1, -0.02])
 def test_helbing2000_walls_press_and_brake_by_hand(gap: float) -> None:
     walkers = agents([[0.0, 0.2 + gap]], [[1.1, -0.2]])
-    found = helbing2000.wall_contact_acceleration(walkers, 0, WALL, HELBING)
+    found = helbing2000.wall_contact_acceleration(beside_walls(walkers, WALL), 0, WALL.table, HELBING)
     overlap = max(-gap, 0.0)
     push = (2000.0 * math.exp(-gap / 0.08) + 1.2e5 * overlap) / 80.0
     assert found == pytest.approx((-2.4e5 * overlap * 1.1 / 80.0, push), rel=1e-5)
@@ -208,7 +209,7 @@ def test_orca2011_half_plane_at_the_arc_by_hand() -> None:
 
 
 def test_orca2011_walls_permit_the_speed_that_reaches_them_at_the_horizon() -> None:
-    apart, overlapping = (orca2011.wall_half_plane(WALL, 0, 0.0, y, 0.2, 1.0, 0.1) for y in (0.8, 0.15))
+    apart, overlapping = (orca2011.wall_half_plane(WALL.table, 0, 0.0, y, 0.2, 1.0, 0.1) for y in (0.8, 0.15))
     assert apart == pytest.approx((0.0, 1.0, -0.6))
     assert overlapping == pytest.approx((0.0, 1.0, 0.5))  # it overlaps by 5 cm and must leave in one tick
 

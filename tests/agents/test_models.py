@@ -21,7 +21,7 @@ from sonata2d.core.scene import Rules, Scene
 from sonata2d.registry import PEDESTRIAN_MODELS
 from sonata2d.sim.episode import Episode
 
-from ..conftest import neighbour_lists, room, walker
+from ..conftest import beside_walls, neighbour_lists, room, walker
 from .test_crowd import head_on_scene, positions, simulate
 
 MODELS = list(PEDESTRIAN_MODELS.built_in)
@@ -75,7 +75,7 @@ def accelerations(model: str, walkers: Walkers, *, side: int = 1, walls: bool = 
 
 def evaluated(model: str, walkers: Walkers, scene: Scene) -> Array:
     """The accelerations, (M, 2), at the second evaluation; at the first one, groups of the default model only meet."""
-    one = pedestrian_model(model)(scene)
+    walkers, one = beside_walls(walkers, scene.barriers), pedestrian_model(model)(scene)
     one.acceleration(walkers)
     return one.acceleration(walkers)
 
@@ -178,6 +178,7 @@ def test_one_model_takes_any_number_of_agents(model: str) -> None:
     one.acceleration(walkers)
     for count in (COUNT, 5, COUNT):
         some = selected(walkers, list(range(count)))
+        some = beside_walls(some, room().barriers)
         assert np.array_equal(one.acceleration(some)[some.walks], accelerations(model, some))
 
 

@@ -9,11 +9,19 @@ import pytest
 
 from sonata2d.agents.pedestrians.crowd import Crowd
 from sonata2d.agents.pedestrians.models.base import Walkers
-from sonata2d.agents.pedestrians.neighbours import FADING_DISTANCE, INTERACTION_RANGE, find_neighbours
+from sonata2d.agents.pedestrians.neighbours import (
+    FADING_DISTANCE,
+    INTERACTION_RANGE,
+    WALL_RANGE,
+    find_neighbours,
+    find_walls,
+    with_longer_lists,
+)
+from sonata2d.core.barrier_grid import Solids, solids_of
 from sonata2d.core.compiled.kernel import kernel
 from sonata2d.core.compiled.packing import pack, unpack
 from sonata2d.core.entities import Group, Human
-from sonata2d.core.geometry import Pose
+from sonata2d.core.geometry import Barriers, Pose
 from sonata2d.core.portable_math import Array, BoolArray, IntArray
 from sonata2d.registry import PEDESTRIAN_MODELS
 from sonata2d.sim.world import World
@@ -21,12 +29,12 @@ from sonata2d.sim.world import World
 from ..conftest import room, walker
 
 HALL = ((-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0))
-NO_WALLS = np.zeros((0, 8))
+NO_WALLS = solids_of(Barriers.of(()))
 
 
 @kernel
-def compiled_search(packed_walkers: Any, is_present: BoolArray, view_blocks: Array) -> int:
-    return find_neighbours(unpack(packed_walkers, Walkers), is_present, view_blocks)
+def compiled_search(packed_walkers: Any, is_present: BoolArray, packed_view_blocks: Any) -> int:
+    return find_neighbours(unpack(packed_walkers, Walkers), is_present, unpack(packed_view_blocks, Solids))
 
 
 def walkers_at(position: Array, group: IntArray, capacity: int) -> Walkers:
@@ -43,6 +51,8 @@ def walkers_at(position: Array, group: IntArray, capacity: int) -> Walkers:
         numbers,
         flags,
         *lists,
+        lists[0],
+        lists[1][:0],
         group,
         flags,
         numbers,
@@ -76,7 +86,7 @@ def test_the_neighbours_are_those_of_a_search_through_all_pairs(seed: int) -> No
     for is_compiled in (False, True):
         walkers = walkers_at(position, group, count * count)
         if is_compiled:
-            total = compiled_search(pack(walkers), is_present, NO_WALLS)
+            total = compiled_search(pack(walkers), is_present, pack(NO_WALLS))
         else:
             total = find_neighbours(walkers, is_present, NO_WALLS)
         assert total == is_neighbour.sum() == walkers.neighbour_start[-1]
@@ -84,6 +94,23 @@ def test_the_neighbours_are_those_of_a_search_through_all_pairs(seed: int) -> No
             row = slice(*walkers.neighbour_start[i : i + 2])
             assert walkers.neighbour[row].tolist() == np.flatnonzero(is_neighbour[i]).tolist()
             assert walkers.attention[row].tolist() == attention[i, is_neighbour[i]].tolist()
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_walls_of_each_pedestrian_are_those_within_the_range(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    count, start, along = int(rng.integers(1, 20)), rng.uniform(-10.0, 10.0, (60, 2)), rng.uniform(-4.0, 4.0, (60, 2))
+    rows = zip(start.tolist(), (start + along * (rng.random((60, 1)) < 0.8)).tolist(), strict=True)
+    barriers = Barriers.of([((x, y), (to_x, to_y), float(rng.uniform(0.0, 0.3))) for (x, y), (to_x, to_y) in rows])
+    is_present = rng.random(count) < 0.8
+    walkers = walkers_at(rng.uniform(-11.0, 11.0, (count, 2)), np.full(count, -1), 0)
+    needed = find_walls(walkers, is_present, solids_of(barriers))
+    walkers = with_longer_lists(walkers, 0, needed)
+    assert find_walls(walkers, is_present, solids_of(barriers)) == needed == walkers.wall_start[-1]
+    gaps = barriers.gaps(walkers.position)
+    for i in range(count):
+        expected = np.flatnonzero(gaps[:, i] < WALL_RANGE) if is_present[i] else []
+        assert walkers.wall[slice(*walkers.wall_start[i : i + 2])].tolist() == list(expected)
 
 
 def test_lists_that_are_too_short_are_left_alone_and_their_length_is_returned() -> None:

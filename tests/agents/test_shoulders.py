@@ -12,7 +12,7 @@ from sonata2d.agents.pedestrians.shoulders import APERTURE_RATIO, MAXIMUM_TWIST,
 from sonata2d.core.entities import PERSON_BREADTH, PERSON_RADIUS
 from sonata2d.core.geometry import Barriers
 
-from ..conftest import neighbour_lists
+from ..conftest import beside_walls, neighbour_lists
 
 NO_WALLS = np.zeros((0, 8))
 DEPTH, SHOULDER = 2 * PERSON_RADIUS, PERSON_BREADTH / 2 - PERSON_RADIUS
@@ -31,8 +31,8 @@ def walkers(*others: tuple[float, float], shoulder: float = SHOULDER) -> Walkers
 
 def twist(left: float, right: float, side: float = 1.0, present: float = 0.0, shoulder: float = SHOULDER) -> float:
     """The twist between two walls along the way, at distances from the centre of the body, m."""
-    walls = Barriers.of([((-2.0, left), (2.0, left), 0.0), ((-2.0, -right), (2.0, -right), 0.0)]).table
-    return wanted_twist(walkers(shoulder=shoulder), 0, walls, present, side)
+    walls = Barriers.of([((-2.0, left), (2.0, left), 0.0), ((-2.0, -right), (2.0, -right), 0.0)])
+    return wanted_twist(beside_walls(walkers(shoulder=shoulder), walls), 0, walls.table, present, side)
 
 
 def projected_breadth(angle: float) -> float:

@@ -8,8 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from sonata2d.core.barrier_grid import Solids, solids_of
 from sonata2d.core.compiled.kernel import kernel
 from sonata2d.core.compiled.packing import pack, unpack
+from sonata2d.core.geometry import Barriers
 from sonata2d.core.portable_math import Array
 from sonata2d.sim.kernel.rules import CONTACT_DISTANCE, GUARD, HOLONOMIC, HUMAN_RANGE, OWN_SPEED, ROBOT_RADIUS, TICK
 from sonata2d.sim.kernel.safety import Guard, find_near, limited
@@ -30,16 +32,23 @@ class Situation(NamedTuple):
     rules: Array
 
 
+def solids(case: Situation) -> Any:
+    """Its walls, packed."""
+    table = case.barriers
+    ends = zip(table[:, :2].tolist(), table[:, 2:4].tolist(), table[:, 4].tolist(), strict=True)
+    return pack(solids_of(Barriers.of([((ax, ay), (bx, by), radius) for (ax, ay), (bx, by), radius in ends])))
+
+
 @kernel
-def found_near(packed_guard: Any, bodies: Array, barriers: Array, rules: Array) -> None:
+def found_near(packed_guard: Any, bodies: Array, packed_solids: Any, rules: Array) -> None:
     """Compiled `find_near`."""
-    find_near(unpack(packed_guard, Guard), bodies, barriers, rules)
+    find_near(unpack(packed_guard, Guard), bodies, unpack(packed_solids, Solids), rules)
 
 
 @kernel
-def reduced(packed_guard: Any, vx: float, vy: float, bodies: Array, barriers: Array, rules: Array, h: float) -> Any:
+def reduced(packed_guard: Any, vx: float, vy: float, bodies: Array, packed_solids: Any, rules: Array, h: float) -> Any:
     """Compiled `limited`."""
-    return limited(unpack(packed_guard, Guard), vx, vy, bodies, barriers, rules, h)
+    return limited(unpack(packed_guard, Guard), vx, vy, bodies, unpack(packed_solids, Solids), rules, h)
 
 
 def situation(
@@ -85,7 +94,7 @@ def situation(
 
 def near(case: Situation) -> tuple[list[int], list[int]]:
     """The people and the walls that are near, after all contacts are cleared."""
-    found_near(pack(case.guard), case.bodies, case.barriers, case.rules)
+    found_near(pack(case.guard), case.bodies, solids(case), case.rules)
     assert not case.guard.human_contact.any() | case.guard.barrier_contact.any() | case.guard.counts[2]
     people, walls, _ = case.guard.counts.tolist()
     found = case.guard.near.tolist()
@@ -95,7 +104,7 @@ def near(case: Situation) -> tuple[list[int], list[int]]:
 def drive(case: Situation, vx: float, vy: float) -> tuple[Array, float, bool]:
     """Velocity, push and whether the guard reduced it, for a wanted velocity."""
     near(case)
-    velocity, push, is_reduced = reduced(pack(case.guard), vx, vy, case.bodies, case.barriers, case.rules, H)
+    velocity, push, is_reduced = reduced(pack(case.guard), vx, vy, case.bodies, solids(case), case.rules, H)
     return np.array(velocity), push, is_reduced
 
 

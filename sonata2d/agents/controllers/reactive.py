@@ -9,7 +9,8 @@ from typing import Any, Self
 import numpy as np
 
 from ...core.arguments import finite_number
-from ...core.compiled.packing import zeros
+from ...core.barrier_grid import barriers_within, solids_of
+from ...core.compiled.packing import Packed, zeros
 from ...core.geometry import Point, Twist
 from ...core.navigation import FreeSpace
 from ...core.portable_math import angle_of, unit_vector
@@ -17,7 +18,7 @@ from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...registry import PEDESTRIAN_MODELS
 from ..pedestrians.models.base import Walkers, checked_acceleration, evaluations_per_tick, pedestrian_model
-from ..pedestrians.neighbours import FADING_DISTANCE, INTERACTION_RANGE
+from ..pedestrians.neighbours import FADING_DISTANCE, INTERACTION_RANGE, WALL_RANGE
 from .base import Controller
 
 _REPLANNING_INTERVAL = 5  # ticks
@@ -78,7 +79,8 @@ class SocialForce(Controller):
         self._waypoint = scene.goal.position
         self._model = pedestrian_model(self.model)(scene)
         count = len(scene.humans)
-        self._walkers = _robot_among(count, scene.robot.radius, self.speed)
+        self._walkers = _robot_among(count, scene.robot.radius, self.speed, len(scene.barriers))
+        self._solids = Packed(solids_of(scene.barriers))
         self._far = np.stack((_FAR + np.arange(count + 1.0), np.full(count + 1, _FAR)), axis=1)  # m, of absent humans
 
     def act(self, snapshot: Snapshot) -> Twist:
@@ -130,15 +132,18 @@ class SocialForce(Controller):
         near = np.flatnonzero(distance < INTERACTION_RANGE)
         walkers.neighbour_start[-1], walkers.neighbour[: len(near)] = len(near), near
         walkers.attention[: len(near)] = np.minimum((INTERACTION_RANGE - distance[near]) / FADING_DISTANCE, 1.0)
+        walls = barriers_within(self._solids, robot.position, WALL_RANGE)
+        walkers.wall_start[-1], walkers.wall[: len(walls)] = len(walls), walls
 
 
-def _robot_among(count: int, radius: float, speed: float) -> Walkers:
+def _robot_among(count: int, radius: float, speed: float, barriers: int) -> Walkers:
     """The model's input for a robot, the last row, that walks among humans and attends to those within the range.
 
     Args:
         count: number of humans.
         radius: of the robot, m.
         speed: desired speed of the robot, m/s.
+        barriers: number of walls and edges of furniture.
     """
     is_robot = np.arange(count + 1) == count
     return zeros(
@@ -151,6 +156,8 @@ def _robot_among(count: int, radius: float, speed: float) -> Walkers:
         neighbour_start=np.zeros(count + 2, dtype=np.int64),
         neighbour=np.zeros(count, dtype=np.int64),
         attention=np.zeros(count),
+        wall_start=np.zeros(count + 2, dtype=np.int64),
+        wall=np.zeros(barriers, dtype=np.int64),
         group=np.full(count + 1, -1),
         is_abreast=np.ones(count + 1, dtype=bool),
         headway=np.ones(count + 1),

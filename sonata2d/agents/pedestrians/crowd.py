@@ -8,10 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...core.barrier_grid import Solids, is_crossed, solids_of
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Bools, Floats, Floats2, Packed, unpack, zeros
 from ...core.compiled.scalar import length, rotation, unit_or
 from ...core.entities import DEFAULT_MODEL
+from ...core.free_space import Space
 from ...core.geometry import Barriers, Point, as_point
 from ...core.humans import BODY_X, BODY_Y, MAXIMUM_SPEED_RATIO, VX, VY, X, Y
 from ...core.portable_math import Array, BoolArray, IntArray
@@ -21,7 +23,7 @@ from ...core.snapshot import CrowdCommands, Snapshot
 from ...core.turning import critically_damped, turn_limits
 from ...registry import PEDESTRIAN_MODELS
 from .models.base import Walkers, checked_acceleration, evaluations_per_tick, pedestrian_model, standing_acceleration
-from .neighbours import find_neighbours, is_hidden
+from .neighbours import find_neighbours, find_walls, with_longer_lists
 from .orientation import (
     HEAD_LEAD_TIME,
     IDLE_SPEED,
@@ -68,21 +70,18 @@ class Obstacles(NamedTuple):
     """Obstacles of the pedestrians, for kernels.
 
     Attributes:
-        barriers: rows of `Barriers.table`: walls and furniture.
-        view_blocks: rows of the walls that can block a view between two places in the room.
-        solids: barriers, and pedestrians that stand.
-        solids_and_groups: solids, and the spaces inside groups that talk.
-        solid_clearance, path_clearance: of paths from solids, and from solids and groups, m.
+        solids: walls and furniture.
+        view_blocks: walls that can block a view between two places in the room.
+        space: free space of paths, see `Wayfinding`.
+        passable: free space of bodies.
         side: to which pedestrians evade each other: 1 to the right, -1 to the left.
         dt: tick, s.
     """
 
-    barriers: Floats2
-    view_blocks: Floats2
-    solids: Floats2
-    solids_and_groups: Floats2
-    solid_clearance: float
-    path_clearance: float
+    solids: Solids
+    view_blocks: Solids
+    space: Space
+    passable: Space
     side: float
     dt: float
 
@@ -154,8 +153,8 @@ class Crowd:
         self._reactions = initial_reactions(scene)
         self._glances = initial_glances(scene, self._reactions)
         self._glance_streams = AgentStreams(scene.seed, scene.episode, "glances", scene.human_table.id.tolist())
-        self._barriers = scene.barriers.table
-        self._view_blocks = Barriers.of(_blocking_walls(scene)).table
+        self._solids = solids_of(scene.barriers)
+        self._view_blocks = solids_of(Barriers.of(_blocking_walls(scene)))
         self._side, self._dt = float(scene.rules.side), scene.rules.dt
         self._obstacles = self._pack_obstacles()
         self._intentions = zeros(
@@ -185,7 +184,7 @@ class Crowd:
         self._social_dynamics.update(tick, humans[:, X : Y + 1], self._walkers)
         self._watch_robot(robot)
         wayfinding.begin_tick(tick, humans, self._is_present)
-        if self._obstacles.solids_and_groups is not wayfinding.space.barriers.table:
+        if self._obstacles.space is not wayfinding.space.for_kernels:
             self._obstacles = self._pack_obstacles()
         self._decide(tick, robot, humans)
         self._robot_position = as_point(robot)
@@ -219,13 +218,10 @@ class Crowd:
         """Fill the neighbour lists; make them longer if necessary."""
         while True:
             self._repack()
-            total = observe(self._state.argument, humans, self._is_present)
-            if total <= len(self._walkers.neighbour):
+            total, walls = observe(self._state.argument, humans, self._is_present)
+            if total <= len(self._walkers.neighbour) and walls <= len(self._walkers.wall):
                 return
-            length = 2 * max(total, 8 * len(humans))
-            self._walkers = self._walkers._replace(
-                neighbour=np.zeros(length, dtype=np.int64), attention=np.zeros(length)
-            )
+            self._walkers = with_longer_lists(self._walkers, total, walls)
 
     def _decide(self, tick: int, robot: Array, humans: Array) -> None:
         """Run `decide` to its end; make the decisions that it asks for."""
@@ -286,16 +282,13 @@ class Crowd:
         )  # fmt: skip
 
     def _pack_obstacles(self) -> Obstacles:
-        space, passable = self._wayfinding.space, self._wayfinding.passable
-        return Obstacles(
-            self._barriers, self._view_blocks, passable.barriers.table, space.barriers.table, passable.clearance,
-            space.clearance, self._side, self._dt,
-        )  # fmt: skip
+        space, passable = self._wayfinding.space.for_kernels, self._wayfinding.passable.for_kernels
+        return Obstacles(self._solids, self._view_blocks, space, passable, self._side, self._dt)
 
 
 @kernel
-def observe(packed_state: Any, humans: Array, is_present: BoolArray) -> int:
-    """Find the neighbours of all pedestrians at the beginning of a tick.
+def observe(packed_state: Any, humans: Array, is_present: BoolArray) -> tuple[int, int]:
+    """Find the neighbours of all pedestrians, and the walls near them, at the beginning of a tick.
 
     Args:
         packed_state: packed `CrowdState`; the state and the neighbour lists of `walkers` are filled.
@@ -303,7 +296,7 @@ def observe(packed_state: Any, humans: Array, is_present: BoolArray) -> int:
         is_present: (N,), pedestrians that are in the room.
 
     Returns:
-        Number of neighbours, see `find_neighbours`.
+        Number of neighbours, see `find_neighbours`, and of walls, see `find_walls`.
     """
     state = unpack(packed_state, CrowdState)
     walkers = state.walkers
@@ -313,7 +306,8 @@ def observe(packed_state: Any, humans: Array, is_present: BoolArray) -> int:
         c, s = rotation(-state.intentions.twist[k])
         walkers.body_direction[k, 0] = humans[k, BODY_X] * c - humans[k, BODY_Y] * s
         walkers.body_direction[k, 1] = humans[k, BODY_X] * s + humans[k, BODY_Y] * c
-    return find_neighbours(walkers, is_present, state.obstacles.view_blocks)
+    total = find_neighbours(walkers, is_present, state.obstacles.view_blocks)
+    return total, find_walls(walkers, is_present, state.obstacles.solids)
 
 
 @kernel
@@ -338,21 +332,18 @@ def decide(
     state = unpack(packed_state, CrowdState)
     obstacles, routes, social = state.obstacles, state.routes, state.social
     if step == _FOLLOW:
-        item = next_without_destination(routes, first, tick, humans, is_present, social.is_walking, obstacles.barriers)
+        item = next_without_destination(routes, first, tick, humans, is_present, social.is_walking, obstacles.solids)
         if item < len(routes.order):
             return _NEEDS_DESTINATION, item
-        if advance_on_paths(
-            routes, tick, humans, is_present, obstacles.solids, obstacles.solids_and_groups, obstacles.path_clearance,
-            obstacles.solid_clearance,
-        ):  # fmt: skip
+        if advance_on_paths(routes, tick, humans, is_present, obstacles.space, obstacles.passable):
             return _NEEDS_PATHS, 0
     if step <= _TARGET:
         set_targets(routes, humans, is_present)
         _set_desires(state, humans, is_present)
         give_way(state.passages, routes, state.walkers, humans, is_present, obstacles.side, obstacles.dt)
         for k in range(len(humans)):
-            state.intentions.robot_in_sight[k] = is_present[k] and not is_hidden(
-                humans[k, X], humans[k, Y], robot[X], robot[Y], obstacles.view_blocks
+            state.intentions.robot_in_sight[k] = is_present[k] and not is_crossed(
+                obstacles.view_blocks, humans[k, X], humans[k, Y], robot[X], robot[Y]
             )
         _react(state, robot, humans, is_present)
     for k in range(len(humans)):
@@ -397,8 +388,8 @@ def _react(state: CrowdState, robot: Array, humans: Array, is_present: BoolArray
         if not any_notices:
             reactions.delay[k] = max(reactions.delay[k] - 0.5 * obstacles.dt, 0.0)
         elif adjust_course(
-            reactions, k, robot, humans, walkers.radius[k], direction[k, 0] * speed[k], direction[k, 1] * speed[k],
-            speed[k], social.is_walking[k], obstacles.barriers, obstacles.side, obstacles.dt,
+            reactions, k, robot, walkers, direction[k, 0] * speed[k], direction[k, 1] * speed[k], speed[k],
+            social.is_walking[k], obstacles.solids.table, obstacles.side, obstacles.dt,
         ):  # fmt: skip
             any_changed = True
     for k in range(len(humans)):
@@ -408,7 +399,7 @@ def _react(state: CrowdState, robot: Array, humans: Array, is_present: BoolArray
             )
         x, y = social.standing_position[k, 0], social.standing_position[k, 1]
         intentions.standing_position[k, 0], intentions.standing_position[k, 1] = step_back(
-            reactions, k, robot, x, y, walkers.radius[k], obstacles.barriers
+            reactions, k, robot, x, y, walkers.radius[k], obstacles.solids
         )
 
 
@@ -433,7 +424,7 @@ def _orient(state: CrowdState, tick: int, humans: Array, is_present: BoolArray, 
             facing_x, facing_y = ux, uy
         twist = 0.0
         if social.is_walking[k]:
-            twist = wanted_twist(walkers, k, obstacles.barriers, intentions.wanted_twist[k], obstacles.side)
+            twist = wanted_twist(walkers, k, obstacles.solids.table, intentions.wanted_twist[k], obstacles.side)
         # The body turns by the dynamics of `critically_damped`, and so does the twist, which is a part of this turn.
         rate, limit = turn_limits(pace)
         lag = twist - intentions.twist[k]
@@ -489,6 +480,8 @@ def _walkers(scene: Scene) -> Walkers:
         neighbour_start=np.zeros(count + 1, dtype=np.int64),
         neighbour=np.zeros(0, dtype=np.int64),
         attention=np.zeros(0),
+        wall_start=np.zeros(count + 1, dtype=np.int64),
+        wall=np.zeros(0, dtype=np.int64),
         group=_walking_groups(scene),
         is_abreast=np.ones(count, dtype=bool),
         shoulder=scene.human_table.shoulder.copy(),

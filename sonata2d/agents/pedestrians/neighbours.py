@@ -7,18 +7,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.barrier_grid import Solids, find_within
 from ...core.compiled.kernel import subroutine
-from ...core.compiled.scalar import clipped, crosses, length, towards
+from ...core.compiled.scalar import clipped, crosses, length
 from ...core.portable_math import Array, BoolArray, IntArray
 from .models.base import Walkers
 
 INTERACTION_RANGE = 5.0  # m, between centres; pedestrians that are farther apart do not affect each other
+WALL_RANGE = 3.0  # m, from the centre of a pedestrian to the surface of a wall; others have no effect on it
 FADING_DISTANCE = 1.0  # m, over which attention falls to 0 at the range, so that no force sets in suddenly
 _CELL = 1.001 * INTERACTION_RANGE  # m, minimum width: rounding must not put a pair within the range two cells apart
 
 
 @subroutine
-def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Array) -> int:
+def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Solids) -> int:
     """Fill the neighbour lists: pedestrians within the interaction range, and the members of the same walking group.
 
     The time grows with the number of pedestrians and of neighbours. The lists do not depend on the cells.
@@ -26,7 +28,7 @@ def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Array)
     Args:
         walkers: `position` and `group` are used; `neighbour_start`, `neighbour` and `attention` are filled.
         is_present: (M,), pedestrians that are in the room; the others have no neighbours and are none.
-        view_blocks: rows of the walls that can block a view.
+        view_blocks: walls that can block a view.
 
     Returns:
         Number of neighbours in all lists together, as far as they were found before `neighbour` was full. If it exceeds
@@ -39,7 +41,7 @@ def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Array)
     first_pair, later = np.empty(count + 1, np.int64), np.zeros(count, np.int64)
     grid = _empty_grid(position, is_present)
     last_of_group, previous_member = np.full(count, -1, np.int64), np.empty(count, np.int64)
-    near_walls = np.empty(len(view_blocks), np.int64)
+    near_walls = np.empty(len(view_blocks.table), np.int64)
     pairs = 0
     for i in range(count):
         first_pair[i] = pairs
@@ -58,12 +60,12 @@ def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Array)
             previous_member[i], last_of_group[group] = last_of_group[group], i
         if pairs > capacity:
             return 2 * pairs
-        walls = _find_walls(view_blocks, x, y, near_walls)
+        walls = find_within(view_blocks, x, y, INTERACTION_RANGE, near_walls)
         for n in range(first_pair[i], pairs):
             j = earlier[n]
             later[j] += 1
             weight[n] = 0.0
-            if n < near and not _is_hidden_by(view_blocks, near_walls, walls, x, y, position[j, 0], position[j, 1]):
+            if n < near and not _is_hidden(view_blocks, near_walls[:walls], x, y, position[j, 0], position[j, 1]):
                 distance = length(position[j, 0] - x, position[j, 1] - y)
                 weight[n] = clipped((INTERACTION_RANGE - distance) / FADING_DISTANCE, 0.0, 1.0)
     first_pair[count] = pairs
@@ -92,37 +94,49 @@ def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Array)
 
 
 @subroutine
+def find_walls(walkers: Walkers, is_present: BoolArray, solids: Solids) -> int:
+    """Fill the lists of walls and edges of furniture within `WALL_RANGE` of each pedestrian that is present.
+
+    Args:
+        walkers: `position` is used; `wall_start` and `wall` are filled.
+        is_present: (M,).
+        solids: walls and furniture.
+
+    Returns:
+        Number of walls in all lists together. If it exceeds the length of `wall`, the lists are not valid.
+    """
+    found, total = np.empty(len(solids.table), np.int64), 0
+    for i in range(len(walkers.position)):
+        walkers.wall_start[i] = total
+        if is_present[i]:
+            count = find_within(solids, walkers.position[i, 0], walkers.position[i, 1], WALL_RANGE, found)
+            for n in range(min(count, len(walkers.wall) - total)):
+                walkers.wall[total + n] = found[n]
+            total += count
+    walkers.wall_start[len(walkers.position)] = total
+    return total
+
+
+def with_longer_lists(walkers: Walkers, neighbours: int, walls: int) -> Walkers:
+    """Walkers whose lists have room for twice as many neighbours and walls; they are empty."""
+    count = len(walkers.position)
+    neighbours, walls = 2 * max(neighbours, 8 * count), 2 * max(walls, 8 * count)
+    return walkers._replace(
+        neighbour=np.zeros(neighbours, dtype=np.int64), attention=np.zeros(neighbours),
+        wall=np.zeros(walls, dtype=np.int64),
+    )  # fmt: skip
+
+
+@subroutine
 def _is_within_range(dx: float, dy: float) -> bool:
     return dx * dx + dy * dy < INTERACTION_RANGE * INTERACTION_RANGE
 
 
 @subroutine
-def is_hidden(x: float, y: float, other_x: float, other_y: float, view_blocks: Array) -> bool:
-    """Whether a wall blocks the view from one point to another, m."""
-    for b in range(len(view_blocks)):
-        if crosses(view_blocks, b, x, y, other_x, other_y):
-            return True
-    return False
-
-
-@subroutine
-def _find_walls(view_blocks: Array, x: float, y: float, near_walls: IntArray) -> int:
-    """The walls within the interaction range of a point, into `near_walls`; returns their number."""
-    count = 0
-    for b in range(len(view_blocks)):
-        wall_x, wall_y = towards(view_blocks, b, x, y)
-        near_walls[count] = b
-        count += _is_within_range(wall_x, wall_y)
-    return count
-
-
-@subroutine
-def _is_hidden_by(
-    view_blocks: Array, walls: IntArray, count: int, x: float, y: float, other_x: float, other_y: float
-) -> bool:
-    """`is_hidden` by the first `count` of some walls."""
-    for n in range(count):
-        if crosses(view_blocks, walls[n], x, y, other_x, other_y):
+def _is_hidden(view_blocks: Solids, walls: IntArray, x: float, y: float, other_x: float, other_y: float) -> bool:
+    """Whether one of some walls blocks the view from one point to another, m."""
+    for n in range(len(walls)):
+        if crosses(view_blocks.table, walls[n], x, y, other_x, other_y):
             return True
     return False
 

@@ -8,13 +8,14 @@ Rev. E 51 (1995) 4282, section III) describe it for two crowds at a door; the ru
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...core.barrier_grid import Solids, find_within, is_within, solids_of
 from ...core.compiled.kernel import kernel, subroutine
-from ...core.compiled.packing import Floats, Floats2, Ints, Ints2, zeros
-from ...core.compiled.scalar import END_X, RADIUS, START_X, gap, length, towards
+from ...core.compiled.packing import Floats, Floats2, Ints, Ints2, Packed, unpack, zeros
+from ...core.compiled.scalar import END_X, RADIUS, START_X, length, towards
 from ...core.geometry import inside_polygon, segment_distances
 from ...core.humans import X, Y
 from ...core.portable_math import Array, BoolArray
@@ -63,9 +64,9 @@ class Passages(NamedTuple):
 
 def find_passages(scene: Scene) -> Passages:
     """The narrow passages between walls and furniture that have room for those who wait on both sides."""
-    table = scene.barriers.table
-    narrow = np.zeros((4 * len(table), 5))
-    ends = narrow[: _find_ends(table, narrow)]
+    solids = Packed(solids_of(scene.barriers))
+    narrow = np.zeros((4 * len(scene.barriers), 5))
+    ends = narrow[: _find_ends(solids.argument, narrow)]
     ends = ends[inside_polygon(ends[:, :2], scene.outline)]
     groups: list[list[Array]] = []
     for end in ends:
@@ -126,21 +127,23 @@ def _side_with_room(scene: Scene, x: float, y: float, ux: float, uy: float, ahea
 
 
 @kernel
-def _find_ends(barriers: Array, narrow: Array) -> int:
+def _find_ends(packed_solids: Any, narrow: Array) -> int:
     """Find the narrow places at the ends of barriers.
 
     Args:
-        barriers: rows of `Barriers.table`.
+        packed_solids: walls and furniture.
         narrow: (M, 5), is filled: middle, m; unit vector from one side to the other; width, m.
 
     Returns:
         Number of rows that were filled.
     """
-    count = 0
+    solids, count = unpack(packed_solids, Solids), 0
+    barriers, near = solids.table, np.empty(len(solids.table), dtype=np.int64)
     for k in range(len(barriers)):
         for column in (START_X, END_X):
             x, y = barriers[k, column], barriers[k, column + 1]
-            for j in range(len(barriers)):
+            for n in range(find_within(solids, x, y, WIDEST + barriers[k, RADIUS], near)):
+                j = near[n]
                 dx, dy = towards(barriers, j, x, y)
                 size = max(length(dx, dy), 1e-6)
                 width = size - barriers[k, RADIUS] - barriers[j, RADIUS]
@@ -148,20 +151,11 @@ def _find_ends(barriers: Array, narrow: Array) -> int:
                     continue
                 ux, uy, middle = dx / size, dy / size, barriers[k, RADIUS] + 0.5 * width
                 mx, my = x + ux * middle, y + uy * middle
-                if _is_free(barriers, mx, my, 0.5 * width - 1e-6):
+                if not is_within(solids, mx, my, 0.5 * width - 1e-6):
                     row = narrow[count]
                     row[0], row[1], row[2], row[3], row[4] = mx, my, ux, uy, width
                     count += 1
     return count
-
-
-@subroutine
-def _is_free(barriers: Array, x: float, y: float, radius: float) -> bool:
-    """Whether no barrier is in a circle."""
-    for k in range(len(barriers)):
-        if gap(barriers, k, x, y) < radius:
-            return False
-    return True
 
 
 @subroutine

@@ -25,13 +25,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.barrier_grid import Solids, nearest_within
 from ...core.compiled.kernel import subroutine
 from ...core.compiled.packing import Bools, Floats, Floats2, Ints, zeros
-from ...core.compiled.scalar import Vector, exp, gap
+from ...core.compiled.scalar import Vector, exp
 from ...core.humans import VX, VY, X, Y
 from ...core.portable_math import Array
 from ...core.scene import Scene
-from .models.base import fill_walls
+from .models.base import Walkers, fill_walls
 from .velocity_obstacle import WALL_TIME, evasive_velocity, in_conflict, limited_by_walls
 
 _NOTICE_RANGE = 8.0  # m, clearance within which the robot has an effect
@@ -158,16 +159,16 @@ def _is_approached(reactions: Reactions, k: int, robot: Array, minimum: float) -
 
 @subroutine
 def adjust_course(
-    reactions: Reactions, k: int, robot: Array, humans: Array, radius: float, desired_x: float, desired_y: float,
-    speed: float, is_walking: bool, barriers: Array, side: float, dt: float,
+    reactions: Reactions, k: int, robot: Array, walkers: Walkers, desired_x: float, desired_y: float, speed: float,
+    is_walking: bool, barriers: Array, side: float, dt: float,
 ) -> bool:  # fmt: skip
     """Adjust the desired velocity of pedestrian k to the robot; whether it changed.
 
     Args:
         reactions: after `notice_robot`; `velocity` receives the result, delay and passing side are updated.
         k: index of a pedestrian that is present.
-        robot, humans: columns of `core.state` and `core.humans`.
-        radius: of the pedestrian, m.
+        robot: columns of `core.state`.
+        walkers: all pedestrians.
         desired_x, desired_y: desired velocity without the robot, m/s.
         speed: desired speed without the robot, m/s.
         is_walking: whether the pedestrian walks.
@@ -175,16 +176,15 @@ def adjust_course(
         side: +1 passes on the right, -1 on the left, where both cost the same.
         dt: tick, s.
     """
-    x, y = robot[X] - humans[k, X], robot[Y] - humans[k, Y]
+    x, y = robot[X] - walkers.position[k, 0], robot[Y] - walkers.position[k, 1]
     px, py = _preferred_velocity(reactions, k, robot, desired_x, desired_y, speed)
-    outline = (radius, 0.0, 1.0, 0.0)  # a disc
+    outline = (walkers.radius[k], 0.0, 1.0, 0.0)  # a disc
     distance = _passing_distance(reactions, k)
-    vx, vy, passing_side, has_walls = px, py, 0.0, False
+    vx, vy, passing_side, walls = px, py, 0.0, -1  # number of rows of `reactions.walls`
     if in_conflict(x, y, px - robot[VX], py - robot[VY], distance):
-        fill_walls(reactions.walls, barriers, humans[k, X], humans[k, Y], outline, WALL_TIME, math.inf)
-        has_walls = True
+        walls = fill_walls(reactions.walls, walkers, k, barriers, outline, WALL_TIME, math.inf)
         vx, vy, passing_side = evasive_velocity(
-            x, y, px, py, robot[VX], robot[VY], distance, reactions.passing_side[k], side, reactions.walls
+            x, y, px, py, robot[VX], robot[VY], distance, reactions.passing_side[k], side, reactions.walls[:walls]
         )
     reactions.passing_side[k] = passing_side
     avoiding = reactions.notices[k] and is_walking
@@ -200,9 +200,9 @@ def adjust_course(
     if not (reactions.notices[k] and is_walking):
         return False
     if vx != desired_x or vy != desired_y:
-        if not has_walls:
-            fill_walls(reactions.walls, barriers, humans[k, X], humans[k, Y], outline, WALL_TIME, math.inf)
-        vx, vy = limited_by_walls(reactions.walls, vx, vy)
+        if walls < 0:
+            walls = fill_walls(reactions.walls, walkers, k, barriers, outline, WALL_TIME, math.inf)
+        vx, vy = limited_by_walls(reactions.walls[:walls], vx, vy)
     reactions.velocity[k, 0], reactions.velocity[k, 1] = vx, vy
     return bool(vx != desired_x or vy != desired_y)
 
@@ -289,15 +289,13 @@ def robot_repulsion(reactions: Reactions, k: int, x: float, y: float, robot_x: f
 
 
 @subroutine
-def step_back(reactions: Reactions, k: int, robot: Array, x: float, y: float, radius: float, barriers: Array) -> Vector:
+def step_back(reactions: Reactions, k: int, robot: Array, x: float, y: float, radius: float, solids: Solids) -> Vector:
     """Where a standing pedestrian stands with the robot near: a scared one a step back from (x, y), m."""
     if reactions.kind[k] != SCARED or not reactions.notices[k]:
         return x, y
     dx, dy = x - robot[X], y - robot[Y]
     distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
-    room = math.inf
-    for b in range(barriers.shape[0]):
-        room = min(room, gap(barriers, b, x, y))
+    _, room = nearest_within(solids, x, y, radius + 0.05 + _MAXIMUM_STEP_BACK)
     room = room - radius - 0.05
     step = max(_STEP_BACK_RANGE - (distance - reactions.contact_distance[k]), 0.0)
     step = min(min(step, _MAXIMUM_STEP_BACK), max(room, 0.0))

@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from ...core.barrier_grid import Solids, is_crossed
 from ...core.compiled.kernel import subroutine
 from ...core.compiled.packing import Bools, Floats2, Floats3, Ints
 from ...core.compiled.scalar import Vector
+from ...core.free_space import Space, is_clear
 from ...core.humans import X, Y
 from ...core.portable_math import PI, Array, BoolArray
-from ...core.visibility import is_clear
 
 ARRIVAL_DISTANCE = 0.5  # m from the goal
 EXIT_DISTANCE = 0.3  # m from the goal at which a pedestrian leaves
@@ -77,7 +78,7 @@ class Routes(NamedTuple):
 
 @subroutine
 def next_without_destination(
-    routes: Routes, first: int, tick: int, humans: Array, is_present: BoolArray, is_walking: BoolArray, barriers: Array
+    routes: Routes, first: int, tick: int, humans: Array, is_present: BoolArray, is_walking: BoolArray, solids: Solids
 ) -> int:
     """Follow the leaders' paths, up to the first pedestrian that needs a destination.
 
@@ -87,7 +88,7 @@ def next_without_destination(
         tick: that begins.
         humans: (N, 9), columns of `core.humans`.
         is_present, is_walking: (N,).
-        barriers: rows of `Barriers.table`: walls and furniture.
+        solids: walls and furniture.
 
     Returns:
         Item of `Routes.order` whose pedestrian needs a destination; the number of items if nobody needs one.
@@ -102,7 +103,7 @@ def next_without_destination(
         if leader == k:
             if _needs_destination(routes, k, tick, humans) or _is_stuck(routes, k, tick, humans):
                 return n
-            if routes.goals_left[k] == 0 and _has_settled(routes, k, humans, is_present, is_walking, barriers):
+            if routes.goals_left[k] == 0 and _has_settled(routes, k, humans, is_present, is_walking, solids):
                 return n
         elif routes.copied[k] != routes.version[leader] and not routes.is_assigned[k]:
             routes.copied[k] = routes.version[k] = routes.version[leader]
@@ -127,7 +128,7 @@ def _needs_destination(routes: Routes, k: int, tick: int, humans: Array) -> bool
 
 @subroutine
 def _has_settled(
-    routes: Routes, k: int, humans: Array, is_present: BoolArray, is_walking: BoolArray, barriers: Array
+    routes: Routes, k: int, humans: Array, is_present: BoolArray, is_walking: BoolArray, solids: Solids
 ) -> bool:
     """Whether a pedestrian has arrived at its last goal, an area that grows with those who stand there.
 
@@ -143,8 +144,8 @@ def _has_settled(
     for j in range(len(humans)):
         standing += is_present[j] and not is_walking[j] and is_near(humans[j, X], humans[j, Y], x, y, _LARGEST_CLUSTER)
     radius = max(ARRIVAL_DISTANCE, math.sqrt(standing * _CLUSTER_AREA / PI))
-    return is_near(humans[k, X], humans[k, Y], x, y, radius) and is_clear(
-        barriers, 0.0, humans[k, X], humans[k, Y], x, y
+    return is_near(humans[k, X], humans[k, Y], x, y, radius) and not is_crossed(
+        solids, humans[k, X], humans[k, Y], x, y
     )
 
 
@@ -160,9 +161,8 @@ def _is_stuck(routes: Routes, k: int, tick: int, humans: Array) -> bool:
 
 @subroutine
 def advance_on_paths(
-    routes: Routes, tick: int, humans: Array, is_present: BoolArray, solids: Array, space: Array,
-    space_clearance: float, passable_clearance: float,
-) -> bool:  # fmt: skip
+    routes: Routes, tick: int, humans: Array, is_present: BoolArray, space: Space, passable: Space
+) -> bool:
     """Aim at the next waypoint when the present one is reached or the next one is in view; find blocked paths.
 
     Args:
@@ -170,8 +170,7 @@ def advance_on_paths(
         tick: that begins.
         humans: (N, 9), columns of `core.humans`.
         is_present: (N,).
-        solids, space: barriers that must not be touched, and those that paths avoid; rows of `Barriers.table`.
-        space_clearance, passable_clearance: of paths from `space`, and of bodies from `solids`, m.
+        space, passable: free space of paths, and of bodies.
 
     Returns:
         Whether a path is blocked, see `Routes.is_blocked`.
@@ -189,12 +188,12 @@ def advance_on_paths(
                 # Behind a corner the way on may be near, but not in view.
                 dx, dy = routes.path[k, step + 1, 0] - px, routes.path[k, step + 1, 1] - py
                 part = min(1.0, _ROOM_AHEAD / max(math.sqrt(dx * dx + dy * dy), 1e-6))
-                is_open = is_clear(solids, passable_clearance, px, py, px + dx * part, py + dy * part)
+                is_open = is_clear(passable, px, py, px + dx * part, py + dy * part)
                 if is_open or is_near(px, py, x, y, _REACHED_DISTANCE):
                     routes.next[k] = step + 1
     if tick % _CHECK_INTERVAL != 0 or not has_path:
         return False
-    _find_room_abreast(routes, humans, is_present, space, space_clearance)
+    _find_room_abreast(routes, humans, is_present, space)
     any_blocked = False
     for n in range(len(routes.order)):
         k = routes.order[n]
@@ -203,17 +202,17 @@ def advance_on_paths(
         px, py, step = humans[k, X], humans[k, Y], routes.next[k]
         following = min(step + 1, routes.length[k] - 1)
         x, y = routes.path[k, following, 0], routes.path[k, following, 1]
-        if is_clear(space, space_clearance, px, py, x, y):
+        if is_clear(space, px, py, x, y):
             routes.next[k] = following
             continue
         x, y = routes.path[k, step, 0], routes.path[k, step, 1]
-        if not is_clear(solids, passable_clearance, px, py, x, y):
+        if not is_clear(passable, px, py, x, y):
             routes.is_blocked[k] = any_blocked = True
     return any_blocked
 
 
 @subroutine
-def _find_room_abreast(routes: Routes, humans: Array, is_present: BoolArray, space: Array, clearance: float) -> None:
+def _find_room_abreast(routes: Routes, humans: Array, is_present: BoolArray, space: Space) -> None:
     """Find the pedestrians with room to walk beside the first member of their group, in its direction."""
     for n in range(len(routes.order)):
         k = routes.order[n]
@@ -225,7 +224,7 @@ def _find_room_abreast(routes: Routes, humans: Array, is_present: BoolArray, spa
         distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
         scale = min(distance, _ROOM_AHEAD) / distance
         x, y = humans[k, X], humans[k, Y]
-        routes.is_abreast[k] = is_clear(space, clearance, x, y, x + dx * scale, y + dy * scale)
+        routes.is_abreast[k] = is_clear(space, x, y, x + dx * scale, y + dy * scale)
 
 
 @subroutine

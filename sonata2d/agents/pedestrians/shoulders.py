@@ -49,7 +49,8 @@ def wanted_twist(walkers: Walkers, i: int, barriers: Array, twist: float, side: 
     for n in range(2):
         px, py, wall_left, wall_right = x + ex * _GAP_AHEAD * n, y + ey * _GAP_AHEAD * n, _BESIDE, _BESIDE
         lx, ly, rx, ry = 0.0, 0.0, 0.0, 0.0  # unit vectors to the nearest walls
-        for b in range(len(barriers)):
+        for m in range(walkers.wall_start[i], walkers.wall_start[i + 1]):
+            b = walkers.wall[m]
             dx, dy = towards(barriers, b, px, py)
             ahead, aside = dx * ex + dy * ey, ex * dy - ey * dx
             distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)

@@ -101,6 +101,10 @@ class Wayfinding:
         self._depth = max((humans[k].radius for k in may_walk), default=PERSON_RADIUS)
         self._breadth = max((humans[k].shape.circumradius for k in may_walk), default=PERSON_RADIUS)
         self._robot = Barriers.of(())
+        outline, barriers = scene.outline, scene.barriers
+        self.space = self._places = FreeSpace(outline, barriers, self._breadth + _CLEARANCE)
+        self.tight = FreeSpace(outline, barriers, self._depth + _TIGHT_CLEARANCE)
+        self.passable = FreeSpace(outline, barriers, self._depth - _WALL_TOLERANCE)
         self.set_obstacles(scene.standing_humans, scene.shared_spaces)
         xs, ys = zip(*scene.polygon, strict=True)
         self._bounding_box = min(xs), min(ys), max(xs), max(ys)
@@ -250,13 +254,11 @@ class Wayfinding:
         self._update_spaces()
 
     def _update_spaces(self) -> None:
-        solids = self._scene.barriers.joined(self._standing).joined(self._robot)
-        shared_spaces = self._shared_spaces
-        obstacles, outline = solids.joined(shared_spaces), self._scene.outline
-        self.space = FreeSpace(outline, obstacles, self._breadth + _CLEARANCE)
-        self.tight = FreeSpace(outline, obstacles, self._depth + _TIGHT_CLEARANCE)
-        self.passable = FreeSpace(outline, solids, self._depth - _WALL_TOLERANCE)
-        self._places = FreeSpace(outline, solids, self._breadth + _CLEARANCE)  # also those between people who talk
+        solids = self._standing.joined(self._robot)
+        obstacles = solids.joined(self._shared_spaces)
+        self.space, self.tight = self.space.with_added(obstacles), self.tight.with_added(obstacles)
+        self.passable = self.passable.with_added(solids)
+        self._places = self.space.with_added(solids)  # also those between people who talk
 
     def find_path(self, start: Point, goal: Point) -> Array | None:
         """The path to a goal with room for the shoulders, or a shorter one on which they must turn.

@@ -20,16 +20,18 @@ from .kernel import IS_COMPILED
 
 T = TypeVar("T", bound=tuple[Any, ...])
 
-# Annotations of the fields of a named tuple that can be packed, besides `float` and `bool`: element type, dimensions.
+# Annotations of the fields of a named tuple that can be packed, besides `float`, `int` and `bool`: element type,
+# dimensions.
 Floats = Annotated[NDArray[np.float64], np.float64, 1]
 Floats2 = Annotated[NDArray[np.float64], np.float64, 2]
 Floats3 = Annotated[NDArray[np.float64], np.float64, 3]
 Ints = Annotated[NDArray[np.int64], np.int64, 1]
 Ints2 = Annotated[NDArray[np.int64], np.int64, 2]
-Bytes2 = Annotated[NDArray[np.uint8], np.uint8, 2]
+ShortInts2 = Annotated[NDArray[np.int32], np.int32, 2]
 Bools = Annotated[NDArray[np.bool_], np.bool_, 1]
 
 
+_SCALARS: dict[Any, Any] = {float: np.float64, int: np.int64, bool: np.bool_}
 _FLOAT, _WORD = struct.Struct("=d"), struct.Struct("=q")
 
 
@@ -57,7 +59,7 @@ class _Field(NamedTuple):
     Attributes:
         name: of the field.
         dtype: element type; of a named tuple its class.
-        dimensions: of an array; 0 for a float or a bool, -1 for a named tuple.
+        dimensions: of an array; 0 for a number, -1 for a named tuple.
     """
 
     name: str
@@ -70,14 +72,14 @@ def layout(kind: type) -> tuple[_Field, ...]:
     """The fields of a named tuple class.
 
     Raises:
-        TypeError: a field is neither a float or a bool, nor one of the arrays above, nor a named tuple of these.
+        TypeError: a field is neither a number or a bool, nor one of the arrays above, nor a named tuple of these.
     """
     hints = get_type_hints(kind, include_extras=True)
     fields = []
     for name in kind._fields:  # type: ignore[attr-defined]
         hint = hints[name]
-        if hint is float or hint is bool:
-            fields.append(_Field(name, np.bool_ if hint is bool else np.float64, 0))
+        if hint in _SCALARS:
+            fields.append(_Field(name, _SCALARS[hint], 0))
         elif get_origin(hint) is Annotated:
             fields.append(_Field(name, *get_args(hint)[1:]))
         elif isinstance(hint, type) and hasattr(hint, "_fields"):
@@ -105,7 +107,7 @@ def _layout_id(kind: type) -> int:
 
 
 def pack(value: T) -> Any:
-    """The argument of a kernel that stands for a named tuple of arrays, floats and bools.
+    """The argument of a kernel that stands for a named tuple of arrays and numbers.
 
     The kernel works on the memory of the arrays, which must live as long as the packed argument is used.
 
@@ -125,7 +127,7 @@ def _numbers(value: Any) -> list[int]:
         if dimensions < 0:
             numbers += _numbers(item)
         elif dimensions == 0:
-            numbers.append(int(item) if dtype is np.bool_ else _WORD.unpack(_FLOAT.pack(item))[0])
+            numbers.append(_WORD.unpack(_FLOAT.pack(item))[0] if dtype is np.float64 else int(item))
         elif item.dtype == dtype and item.ndim == dimensions and item.flags.c_contiguous:
             numbers += (item.ctypes.data, *item.shape)
         else:
@@ -147,7 +149,7 @@ if IS_COMPILED:
             if field.dimensions < 0:
                 items.append(_numba_type(field.dtype))
             elif field.dimensions == 0:
-                items.append(types.boolean if field.dtype is np.bool_ else types.float64)
+                items.append(from_dtype(np.dtype(field.dtype)))
             else:
                 items.append(types.Array(from_dtype(np.dtype(field.dtype)), field.dimensions, "C"))
         return types.NamedTuple(items, kind)
@@ -171,6 +173,8 @@ if IS_COMPILED:
                     return builder.icmp_signed("!=", read(), context.get_constant(types.intp, 0))
                 if kind is types.float64:
                     return builder.bitcast(read(), context.get_value_type(kind))
+                if kind is types.int64:
+                    return read()
                 array = make_array(kind)(context, builder)
                 data = builder.inttoptr(read(), array.data.type)
                 shape = [read() for _ in range(kind.ndim)]

@@ -105,25 +105,6 @@ def shoulder_line_distance(
 
 
 @subroutine
-def outline_gap(
-    barriers: Array, x: float, y: float, body_x: float, body_y: float, radius: float, shoulder: float
-) -> float:
-    """Gap between the outline of a person and the nearest barrier, m; negative where they overlap.
-
-    Args:
-        barriers: rows of `Barriers.table`.
-        x, y: position, m.
-        body_x, body_y: unit vector of the heading.
-        radius, shoulder: half the depth of the body, and half the length of the shoulder line, m.
-    """
-    nearest, along_x, along_y = math.inf, -body_y * shoulder, body_x * shoulder
-    for k in range(len(barriers)):
-        if gap(barriers, k, x, y) - shoulder < nearest:
-            nearest = min(nearest, line_gap(barriers, k, x + along_x, y + along_y, x - along_x, y - along_y))
-    return nearest - radius
-
-
-@subroutine
 def turned_towards(x: float, y: float, to_x: float, to_y: float, cosine: float, sine: float, side: float) -> Vector:
     """A unit vector that is turned towards another by a given angle at most.
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from ...core.barrier_grid import Solids, find_within, outline_gap
 from ...core.compiled.kernel import subroutine
 from ...core.compiled.packing import Floats, Floats2, Ints
 from ...core.compiled.scalar import (
@@ -23,8 +24,6 @@ from ...core.compiled.scalar import (
     START_Y,
     Vector,
     clipped,
-    gap,
-    outline_gap,
     to_shoulder_line,
 )
 from ...core.humans import VX, VY, X, Y
@@ -72,7 +71,7 @@ class Guard(NamedTuple):
 
 
 @subroutine
-def find_near(guard: Guard, bodies: Array, barriers: Array, rules: Array) -> None:
+def find_near(guard: Guard, bodies: Array, solids: Solids, rules: Array) -> None:
     """Clear the contacts, and find the outlines that can come near within the tick; bodies as in `Engine`."""
     guard.human_contact[:] = 0
     guard.barrier_contact[:] = 0
@@ -88,16 +87,12 @@ def find_near(guard: Guard, bodies: Array, barriers: Array, rules: Array) -> Non
             guard.near[count] = k
             count += 1
     guard.counts[0] = count
-    for k in range(barriers.shape[0]):
-        if gap(barriers, k, x, y) - rules[ROBOT_RADIUS] < reach + BARRIER_RANGE:
-            guard.near[count] = k
-            count += 1
-    guard.counts[1] = count - guard.counts[0]
+    guard.counts[1] = find_within(solids, x, y, rules[ROBOT_RADIUS] + reach + BARRIER_RANGE, guard.near[count:])
 
 
 @subroutine
 def limited(
-    guard: Guard, wanted_x: float, wanted_y: float, bodies: Array, barriers: Array, rules: Array, h: float
+    guard: Guard, wanted_x: float, wanted_y: float, bodies: Array, solids: Solids, rules: Array, h: float
 ) -> tuple[Vector, float, bool]:
     """Reduce the robot's velocity so that no gap becomes negative within the substep; record contacts at its end.
 
@@ -108,7 +103,7 @@ def limited(
         guard: after `find_near`; contacts are added.
         wanted_x, wanted_y: velocity that the drive would set, m/s, world frame.
         bodies: (N + 1, 4), x, y, vx, vy with the robot last; m and m/s, world frame.
-        barriers: rows of `Barriers.table`.
+        solids: walls and furniture.
         rules: see `rules`.
         h: duration of the substep, s.
 
@@ -120,7 +115,7 @@ def limited(
     push = 0.0 if is_guarded else 1.0
     if count == 0:
         return (wanted_x, wanted_y), push, False
-    last, separation = bodies.shape[0] - 1, guard.separation
+    last, separation, barriers = bodies.shape[0] - 1, guard.separation, solids.table
     px, py = bodies[last, X], bodies[last, Y]
     depth = 0.0 if is_guarded else PUSH_DEPTH * math.sqrt(wanted_x * wanted_x + wanted_y * wanted_y) * h
     for n in range(people):
@@ -130,7 +125,8 @@ def limited(
         allowed = depth
         if not is_guarded:  # a person that is pressed against something stops the robot
             torso, radius, shoulder = guard.torso[k], guard.radius[k], guard.shoulder[k]
-            allowed = clipped(outline_gap(barriers, x, y, torso[0], torso[1], radius, shoulder), 0.0, depth)
+            room = outline_gap(solids, x, y, torso[0], torso[1], radius, shoulder, depth)
+            allowed = clipped(room, 0.0, depth)
         _separate(separation[n], dx, dy, guard.radius[k] + rules[ROBOT_RADIUS], allowed, h)
     for n in range(people, count):
         k = guard.near[n]

@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...core.barrier_grid import Solids, outline_gap
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Bools, Floats, Floats2, unpack
 from ...core.compiled.scalar import (
     Vector,
     clipped,
     length,
-    outline_gap,
     rotation,
     shoulder_line_distance,
     to_shoulder_line,
@@ -43,6 +43,7 @@ from .safety import Guard, find_near, limited
 MASS = 75.0  # kg, of a pedestrian
 TOUCHING = 0.01  # m, gap of outlines below which they press against each other
 MAXIMUM_DEPTH = 0.005  # m, of overlap that a pressed body causes by turning
+_BESIDE = 0.5  # m, gap of a wall beside a person that turns; those farther away leave room
 STUCK_DEPTH = 0.02  # m, of a torso in a solid, which the engine moves out where there is room
 ROBOT_MASS = 1e6  # kg; so large that contacts do not move the robot, and their impulse can still be read
 
@@ -85,7 +86,7 @@ class Buffers(NamedTuple):
         motion: (4,), x, y, vx, vy, m and m/s, of the robot after the last substep.
         drive: (9,), scratch, kept between substeps.
         rules: see `rules`.
-        barriers: rows of `Barriers.table`.
+        solids: walls and furniture.
         acceleration: (N, 2), m/s^2, of the pedestrians.
         is_absent: (N,), pedestrians without forces.
         may_overlap: (N,), pedestrians that may be inside solids: recorded ones, and those on seats.
@@ -101,7 +102,7 @@ class Buffers(NamedTuple):
     motion: Floats
     drive: Floats
     rules: Floats
-    barriers: Floats2
+    solids: Solids
     acceleration: Floats2
     is_absent: Bools
     may_overlap: Bools
@@ -122,7 +123,7 @@ def advance(packed_world: Any, vx: float, vy: float, omega: float, is_limited: b
     """
     buffers = unpack(packed_world, Buffers)
     engine, guard, robot, humans, drive = buffers.engine, buffers.guard, buffers.robot, buffers.humans, buffers.drive
-    rules, barriers = buffers.rules, buffers.barriers
+    rules, solids = buffers.rules, buffers.solids
     count, h = humans.shape[0], rules[SUBSTEP]
     if first == 0:
         if rules[HOLONOMIC] == 0.0:  # a unicycle has no sideways velocity
@@ -132,7 +133,7 @@ def advance(packed_world: Any, vx: float, vy: float, omega: float, is_limited: b
         drive[_VX], drive[_VY], drive[_OMEGA], drive[_SUM_X], drive[_SUM_Y] = vx, vy, omega, 0.0, 0.0
         drive[_COS], drive[_SIN] = rotation(omega * h * 0.5)
         robot[GUARDED] = 0.0
-        find_near(guard, engine.bodies, barriers, rules)
+        find_near(guard, engine.bodies, solids, rules)
         _turn_bodies(buffers)
     for k in range(count):
         for axis in range(2):
@@ -192,7 +193,7 @@ def _is_stuck(buffers: Buffers, k: int) -> bool:
         return False
     guard, humans, torso = buffers.guard, buffers.humans, buffers.guard.torso
     body = torso[k, 0], torso[k, 1], guard.radius[k], guard.shoulder[k]
-    return outline_gap(buffers.barriers, humans[k, X], humans[k, Y], *body) < -STUCK_DEPTH
+    return outline_gap(buffers.solids, humans[k, X], humans[k, Y], *body, 0.0) < -STUCK_DEPTH
 
 
 @subroutine
@@ -225,7 +226,7 @@ def _depth(buffers: Buffers, k: int, bx: float, by: float) -> float:
     x, y, radius, shoulder = humans[k, X], humans[k, Y], guard.radius[k], guard.shoulder[k]
     dx, dy = to_shoulder_line(x - robot[X], y - robot[Y], bx, by, shoulder)
     to_robot = length(dx, dy) - radius - rules[ROBOT_RADIUS]
-    depth: float = -outline_gap(buffers.barriers, x, y, bx, by, radius, shoulder) - min(to_robot, 0.0)
+    depth: float = -outline_gap(buffers.solids, x, y, bx, by, radius, shoulder, _BESIDE) - min(to_robot, 0.0)
     for j in range(len(humans)):
         if j != k:
             depth = max(depth, -_gap(buffers, k, j, bx, by))
@@ -261,7 +262,7 @@ def _move_robot(buffers: Buffers, h: float) -> None:
     last = len(engine.bodies) - 1
     c, s = _half_turned(robot[BODY_X], robot[BODY_Y], drive)
     wanted_x, wanted_y = drive[_VX] * c - drive[_VY] * s, drive[_VX] * s + drive[_VY] * c
-    (vx, vy), push, is_reduced = limited(buffers.guard, wanted_x, wanted_y, engine.bodies, buffers.barriers, rules, h)
+    (vx, vy), push, is_reduced = limited(buffers.guard, wanted_x, wanted_y, engine.bodies, buffers.solids, rules, h)
     if is_reduced:
         robot[GUARDED] = 1.0
     fraction = _unresisted_fraction(vx, vy, drive)

@@ -43,6 +43,9 @@ class Walkers(NamedTuple):
         neighbour: (K,) of int, the neighbours of agent 0, of agent 1, and so on; K may exceed the total number.
         attention: (K,), how much the agent attends to each neighbour, in [0, 1]. Zero where a wall blocks the line of
             sight and for members of the group beyond the interaction range.
+        wall_start: (M + 1,) of int, where the walls of each agent begin in `wall`; the last item is their total number.
+        wall: (W,) of int, walls and edges of furniture near each agent (`neighbours.WALL_RANGE`), rows of the barriers
+            in ascending order; W may exceed the total number.
         group: (M,) of int, the same number for the members of a walking group, less than M; -1 without a group.
         is_abreast: (M,) of bool, whether there is room for each agent to walk abreast of its group.
         shoulder: (M,), half the length of the shoulder line, across `body_direction`, m; 0 for a disc.
@@ -62,6 +65,8 @@ class Walkers(NamedTuple):
     neighbour_start: Ints
     neighbour: Ints
     attention: Floats
+    wall_start: Ints
+    wall: Ints
     group: Ints
     is_abreast: Bools
     shoulder: Floats
@@ -264,13 +269,14 @@ def biased_direction(x: float, y: float, side: float) -> Vector:
 
 @subroutine
 def wall_acceleration(
-    barriers: Array, x: float, y: float, radius: float, strength: float, decay_length: float
+    walkers: Walkers, i: int, barriers: Array, radius: float, strength: float, decay_length: float
 ) -> Vector:
-    """Repulsion from walls and furniture.
+    """Repulsion of agent i from walls and furniture.
 
     Args:
+        walkers: all agents.
+        i: index of the agent.
         barriers: (B, 8), rows of `Barriers.table`.
-        x, y: position, m.
         radius: m.
         strength: m/s^2, at contact.
         decay_length: distance over which the repulsion falls to 1/e, m.
@@ -281,11 +287,9 @@ def wall_acceleration(
     Source: Moussaïd et al., Proc. R. Soc. B 276 (2009) 2755, wall term a exp(-d/b), with d from outline to wall.
     """
     total_x, total_y = 0.0, 0.0
-    for k in range(len(barriers)):
-        wall_x, wall_y = towards(barriers, k, x, y)
-        reach = radius + barriers[k, RADIUS] + 61.0 * decay_length  # `exp` is 0 below -60
-        if wall_x * wall_x + wall_y * wall_y > reach * reach:
-            continue
+    for n in range(walkers.wall_start[i], walkers.wall_start[i + 1]):
+        k = walkers.wall[n]
+        wall_x, wall_y = towards(barriers, k, walkers.position[i, 0], walkers.position[i, 1])
         distance = max(length(wall_x, wall_y), 1e-6)
         gap = max(distance - barriers[k, RADIUS] - radius, 0.0)
         push = exp(gap * (-1.0 / decay_length)) * (-strength) / distance
@@ -296,15 +300,16 @@ def wall_acceleration(
 
 @subroutine
 def fill_walls(
-    walls: Array, barriers: Array, x: float, y: float, outline: tuple[float, float, float, float], time: float,
+    walls: Array, walkers: Walkers, i: int, barriers: Array, outline: tuple[float, float, float, float], time: float,
     reach: float,
 ) -> int:  # fmt: skip
-    """Find how fast an agent at (x, y), m, can approach walls and furniture without reaching them within a given time.
+    """Find how fast agent i can approach walls and furniture near it without reaching them within a given time.
 
     Args:
         walls: (B, 3), is filled: unit vector to the barrier, and largest speed in this direction, m/s.
+        walkers: all agents.
+        i: index of the agent.
         barriers: (B, 8), rows of `Barriers.table`.
-        x, y: m.
         outline: radius and half the length of the shoulder line, m, and unit vector of the heading.
         time: s.
         reach: distance of a barrier beyond which it is left out, m.
@@ -314,8 +319,9 @@ def fill_walls(
     """
     radius, shoulder, bx, by = outline
     count = 0
-    for k in range(len(barriers)):
-        dx, dy = towards(barriers, k, x, y)
+    for n in range(walkers.wall_start[i], walkers.wall_start[i + 1]):
+        k = walkers.wall[n]
+        dx, dy = towards(barriers, k, walkers.position[i, 0], walkers.position[i, 1])
         square, limit = dx * dx + dy * dy, reach + barriers[k, RADIUS]
         if square > limit * limit:
             continue

@@ -112,7 +112,7 @@ def _accelerations(
                 total_y += y
         # U0 e^(-r/R), r from the centre: an agent is a point
         strength = p.wall_repulsion / p.wall_decay_length
-        wall = wall_acceleration(barriers, position[i, 0], position[i, 1], 0.0, strength, p.wall_decay_length)
+        wall = wall_acceleration(walkers, i, barriers, 0.0, strength, p.wall_decay_length)
         direction = biased_direction(walkers.desired_direction[i, 0], walkers.desired_direction[i, 1], side)
         drive = desired_acceleration(walkers, i, direction, p.relaxation_time)
         acceleration[i, 0] = total_x + wall[0] + drive[0]

@@ -100,7 +100,8 @@ def wall_contact_acceleration(walkers: Walkers, i: int, barriers: Array, paramet
     vx, vy = walkers.velocity[i, 0], walkers.velocity[i, 1]
     radius = walkers.radius[i] + walkers.shoulder[i]
     total_x, total_y = 0.0, 0.0
-    for k in range(len(barriers)):
+    for n in range(walkers.wall_start[i], walkers.wall_start[i + 1]):
+        k = walkers.wall[n]
         x, y = towards(barriers, k, walkers.position[i, 0], walkers.position[i, 1])
         d = length(x, y)
         distance = d if d > 1e-6 else 1.0

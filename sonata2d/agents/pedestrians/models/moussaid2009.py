@@ -152,9 +152,7 @@ def _accelerations(
                 x, y = interaction_acceleration(dx, dy, ux, uy, excess_radius, walkers.attention[n], side, p)
                 total_x += x
                 total_y += y
-        wall = wall_acceleration(
-            barriers, position[i, 0], position[i, 1], walkers.radius[i], p.wall_strength, p.wall_decay_length
-        )
+        wall = wall_acceleration(walkers, i, barriers, walkers.radius[i], p.wall_strength, p.wall_decay_length)
         direction = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
         drive = desired_acceleration(walkers, i, direction, p.relaxation_time)
         group = group_acceleration(walkers, i, p.group)

@@ -260,8 +260,8 @@ def _half_planes(
     maximum_speed = p.maximum_speed_ratio * walkers.desired_speed[i]
     x, y, own_velocity = position[i, 0], position[i, 1], (velocity[i, 0], velocity[i, 1])
     hard = 0
-    for k in range(len(barriers)):
-        plane = wall_half_plane(barriers, k, x, y, own_radius, p.wall_horizon, dt)
+    for n in range(walkers.wall_start[i], walkers.wall_start[i + 1]):
+        plane = wall_half_plane(barriers, walkers.wall[n], x, y, own_radius, p.wall_horizon, dt)
         if _restricts(plane, maximum_speed):
             planes[hard, 0], planes[hard, 1], planes[hard, 2] = plane
             hard += 1

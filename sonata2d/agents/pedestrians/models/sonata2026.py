@@ -494,7 +494,7 @@ def _accelerations(
                 count += 1
         outline = (radius[i], walkers.shoulder[i], body[i, 0], body[i, 1])
         reach = radius[i] + walkers.shoulder[i] + p.turning_time * _FASTEST
-        walls = near[: fill_walls(near, barriers, position[i, 0], position[i, 1], outline, p.turning_time, reach)]
+        walls = near[: fill_walls(near, walkers, i, barriers, outline, p.turning_time, reach)]
         gx, gy, group_pace = group_velocity(walkers, i, memory.looseness, side, p)
         x, y, speed = steer(path[:count], walls, (ex, ey), desired_speed[i], time_gap, side, p, value)
         walkers.steering[i, 0], walkers.steering[i, 1] = x, y

@@ -1,0 +1,200 @@
+"""Kernels of `navigation`: positions that a disc can occupy, and straight lines along which it can move."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .barrier_grid import Solids, is_blocked, is_crossed, is_near_line, is_within, nearest_within
+from .compiled.kernel import kernel, subroutine
+from .compiled.packing import Floats2, Ints, unpack
+from .compiled.scalar import END_X, END_Y, START_X, START_Y, Vector, is_inside, length, towards
+from .portable_math import Array, BoolArray, IntArray
+from .vectors import X, Y
+
+TOLERANCE = 1e-6  # m, by which a clearance may be missed
+
+
+class Borders(NamedTuple):
+    """Closed lines around free space, in rows from south to north, for kernels.
+
+    Attributes:
+        edges: (B, 4), start and end of the edges of the outline and, as holes, of solid objects, m.
+        south, height: of the first row, and of each row, m.
+        first: (R + 1,) of int, where the edges of each row begin in `item`.
+        item: of int, edges that reach into each row.
+    """
+
+    edges: Floats2
+    south: float
+    height: float
+    first: Ints
+    item: Ints
+
+
+class Space(NamedTuple):
+    """A free space for kernels.
+
+    Attributes:
+        solids: barriers that stay, such as walls and furniture.
+        added: further barriers.
+        borders: of the outline and of the solid objects among `solids`.
+        holes: (B, 4), start and end of the edges of the solid objects among `added`, m.
+        clearance: m.
+    """
+
+    solids: Solids
+    added: Solids
+    borders: Borders
+    holes: Floats2
+    clearance: float
+
+
+@kernel
+def find_borders(barriers: Array, outline: Array) -> Array:
+    """The edges of an outline and of the solid objects among barriers, `Borders.edges`.
+
+    A solid object is a closed line of consecutive barriers without a corner of the room's outline.
+    """
+    count = len(barriers)
+    borders, border_count = np.empty((len(outline) + count, 4)), len(outline)
+    for k in range(len(outline)):
+        following = (k + 1) % len(outline)
+        borders[k, 0], borders[k, 1] = outline[k, X], outline[k, Y]
+        borders[k, 2], borders[k, 3] = outline[following, X], outline[following, Y]
+    first, is_apart = 0, True  # start of the line, and whether it has no corner of the outline
+    for k in range(count):
+        start_x, start_y = barriers[k, START_X], barriers[k, START_Y]
+        end_x, end_y = barriers[k, END_X], barriers[k, END_Y]
+        for c in range(len(outline)):
+            if outline[c, X] == start_x and outline[c, Y] == start_y:
+                is_apart = False
+        closes = end_x == barriers[first, START_X] and end_y == barriers[first, START_Y]
+        continues = False
+        if not closes and k + 1 < count:
+            continues = end_x == barriers[k + 1, START_X] and end_y == barriers[k + 1, START_Y]
+        if closes and k > first + 1 and is_apart:
+            for i in range(first, k + 1):
+                borders[border_count, 0], borders[border_count, 1] = barriers[i, START_X], barriers[i, START_Y]
+                borders[border_count, 2], borders[border_count, 3] = barriers[i, END_X], barriers[i, END_Y]
+                border_count += 1
+        if not continues:
+            first, is_apart = k + 1, True
+    return borders[:border_count]
+
+
+@kernel
+def index_borders(edges: Array) -> tuple[float, float, IntArray, IntArray]:
+    """The other fields of `Borders`."""
+    south, north = math.inf, -math.inf
+    for k in range(len(edges)):
+        south, north = min(south, edges[k, 1], edges[k, 3]), max(north, edges[k, 1], edges[k, 3])
+    rows = max(len(edges) // 8, 1) if north > south else 1
+    height = (north - south) / rows if north > south else 1.0
+    first = np.zeros(rows + 1, dtype=np.int64)
+    for k in range(len(edges)):
+        low, high = _border_rows(edges, k, south, height, rows)
+        for row in range(low, high + 1):
+            first[row + 1] += 1
+    for row in range(rows):
+        first[row + 1] += first[row]
+    item, following = np.empty(first[rows], dtype=np.int64), first.copy()
+    for k in range(len(edges)):
+        low, high = _border_rows(edges, k, south, height, rows)
+        for row in range(low, high + 1):
+            item[following[row]] = k
+            following[row] += 1
+    return south, height, first, item
+
+
+@subroutine
+def _border_rows(edges: Array, k: int, south: float, height: float, rows: int) -> tuple[int, int]:
+    """First and last row that edge k reaches into."""
+    low, high = min(edges[k, 1], edges[k, 3]) - TOLERANCE, max(edges[k, 1], edges[k, 3]) + TOLERANCE
+    first = int(min(max((low - south) / height, 0.0), rows - 1.0))
+    return first, int(min(max((high - south) / height, 0.0), rows - 1.0))
+
+
+@subroutine
+def _is_in_room(borders: Borders, x: float, y: float) -> bool:
+    """`is_inside` for `Borders`."""
+    rows = len(borders.first) - 1
+    row = int(min(max((y - borders.south) / borders.height, 0.0), rows - 1.0))
+    is_odd = False
+    for n in range(borders.first[row], borders.first[row + 1]):
+        k = borders.item[n]
+        ax, ay, bx, by = borders.edges[k, 0], borders.edges[k, 1], borders.edges[k, 2], borders.edges[k, 3]
+        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+            is_odd = not is_odd
+    return is_odd
+
+
+@kernel
+def check_point(packed_space: Any, x: float, y: float) -> bool:
+    """`FreeSpace.is_free_at` in a packed `Space`."""
+    return bool(is_free(unpack(packed_space, Space), x, y))
+
+
+@kernel
+def check_points(packed_space: Any, points: Array, free: BoolArray) -> None:
+    """`FreeSpace.is_free` in a packed `Space` for points (N, 2), m, into an array (N,)."""
+    space = unpack(packed_space, Space)
+    for k in range(len(points)):
+        free[k] = is_free(space, points[k, X], points[k, Y])
+
+
+@subroutine
+def is_free(space: Space, x: float, y: float) -> bool:
+    """`FreeSpace.is_free` for one point."""
+    minimum = space.clearance - TOLERANCE
+    if is_within(space.solids, x, y, minimum) or is_within(space.added, x, y, minimum):
+        return False
+    return _is_in_room(space.borders, x, y) and not is_inside(space.holes, x, y)
+
+
+@kernel
+def check_lines(packed_space: Any, start: Array, end: Array, clear: BoolArray) -> None:
+    """`FreeSpace.is_clear` in a packed `Space` for straight lines from start to end, (N, 2), m, into an array (N,)."""
+    space = unpack(packed_space, Space)
+    for i in range(len(start)):
+        clear[i] = is_clear(space, start[i, X], start[i, Y], end[i, X], end[i, Y])
+
+
+@subroutine
+def is_clear(space: Space, x: float, y: float, end_x: float, end_y: float) -> bool:
+    """`FreeSpace.is_clear` for one straight line."""
+    return not is_blocked(space.added, space.clearance, TOLERANCE, x, y, end_x, end_y) and not is_blocked(
+        space.solids, space.clearance, TOLERANCE, x, y, end_x, end_y
+    )
+
+
+@subroutine
+def is_separated(space: Space, x: float, y: float, end_x: float, end_y: float) -> bool:
+    """Whether a barrier is properly crossed between two points, as in `crosses`."""
+    return is_crossed(space.added, x, y, end_x, end_y) or is_crossed(space.solids, x, y, end_x, end_y)
+
+
+@subroutine
+def is_open(space: Space, x: float, y: float, end_x: float, end_y: float) -> bool:
+    """`is_clear` for a line between free positions, which is faster to test."""
+    minimum = space.clearance - TOLERANCE
+    return not is_near_line(space.added, minimum, x, y, end_x, end_y) and not is_near_line(
+        space.solids, minimum, x, y, end_x, end_y
+    )
+
+
+@subroutine
+def push(space: Space, x: float, y: float) -> Vector:
+    """Displacement that moves a position off the barrier whose clearance it misses most."""
+    k, deepest = nearest_within(space.solids, x, y, space.clearance)
+    other, depth = nearest_within(space.added, x, y, deepest)
+    if k < 0 and other < 0:
+        return 0.0, 0.0
+    dx, dy = towards(space.added.table, other, x, y) if other >= 0 else towards(space.solids.table, k, x, y)
+    distance = length(dx, dy)
+    if distance == 0.0:  # on the core line: no direction is better than another
+        return 0.0, 0.0
+    scale = max(space.clearance - depth, 0.0) / distance
+    return -dx * scale, -dy * scale
