@@ -21,6 +21,7 @@ from .compiled.scalar import (
     inverse_square,
     line_gap,
     to_line,
+    towards,
 )
 from .geometry import Barriers, Point
 from .portable_math import Array, IntArray
@@ -69,6 +70,14 @@ def solids_of(barriers: Barriers) -> Solids:
     if solids is None:
         solids = barriers.__dict__["_solids"] = _with_grid(barriers.table)
     return solids
+
+
+def packed_solids(barriers: Barriers) -> Packed[Solids]:
+    """`solids_of` barriers as kernels take it."""
+    packed: Packed[Solids] | None = barriers.__dict__.get("_packed_solids")
+    if packed is None:
+        packed = barriers.__dict__["_packed_solids"] = Packed(solids_of(barriers))
+    return packed
 
 
 def _with_grid(table: Array) -> Solids:
@@ -334,16 +343,18 @@ def find_within(solids: Solids, x: float, y: float, distance: float, found: IntA
     Returns:
         Their number.
     """
-    grid, count = solids.grid, 0
+    grid, table, count = solids.grid, solids.table, 0
     low, high = row_of(grid, y - distance), row_of(grid, y + distance)
     for column in range(column_of(grid, x - distance), column_of(grid, x + distance) + 1):
         for n in range(grid.first[column * grid.rows + low], grid.first[column * grid.rows + high + 1]):
             k = grid.item[n]
-            place = count
+            dx, dy = towards(table, k, x, y)
+            reach, place = distance + table[k, RADIUS], count
+            if not dx * dx + dy * dy < reach * reach:
+                continue
             while place > 0 and found[place - 1] > k:
                 place -= 1
-            # a barrier lies in several cells
-            if (place > 0 and found[place - 1] == k) or not gap(solids.table, k, x, y) < distance:
+            if place > 0 and found[place - 1] == k:  # a barrier lies in several cells
                 continue
             for m in range(count, place, -1):
                 found[m] = found[m - 1]
@@ -358,7 +369,7 @@ def _list_within(packed_solids: Any, x: float, y: float, distance: float, found:
     return find_within(unpack(packed_solids, Solids), x, y, distance, found)
 
 
-def barriers_within(solids: Packed[Solids], point: Point, distance: float) -> IntArray:
+def barriers_within(barriers: Barriers, point: Point, distance: float) -> IntArray:
     """The barriers whose surfaces are nearer to a point than a distance, m, in ascending order; (K,) of int."""
-    found = np.empty(len(solids.value.table), dtype=np.int64)
-    return found[: _list_within(solids.argument, float(point[0]), float(point[1]), distance, found)]
+    found = np.empty(len(barriers), dtype=np.int64)
+    return found[: _list_within(packed_solids(barriers).argument, float(point[0]), float(point[1]), distance, found)]

@@ -15,19 +15,20 @@ from .geometry import Barriers, Point
 from .path_search import find_path
 from .portable_math import Array, BoolArray, IntArray
 from .vectors import X, Y
-from .visibility import MOST_POINTS, NODE_SIZE, Graph, find_nodes, index_nodes
+from .visibility import MOST_POINTS, NODE_SIZE, Graph, find_all_rows, find_nodes, index_nodes
 
 _LONGEST_ROW = 512  # nodes visible from one node that are kept
+_MANY = 100  # nodes
 _KEPT = 32  # floor plans
 _NOTHING = Barriers.of(())
 
 
 class FloorPlan(NamedTuple):
-    """What is found once for the barriers of a floor plan and a clearance; see `visibility`.
+    """Free space and visibility graph of a floor plan for a clearance, which are found once.
 
     Attributes:
         solids, borders: see `Space`.
-        origins, nodes, first, item, visible: see `Graph`.
+        origins, nodes, first, item, visible, component: see `Graph`.
     """
 
     solids: Solids
@@ -37,6 +38,7 @@ class FloorPlan(NamedTuple):
     first: IntArray
     item: IntArray
     visible: NDArray[np.int32]
+    component: IntArray
 
 
 _floor_plans: OrderedDict[tuple[bytes, bytes, float], FloorPlan] = OrderedDict()  # those used last are at the end
@@ -63,7 +65,16 @@ def _new_floor_plan(outline: Array, barriers: Barriers, clearance: float) -> Flo
     origins, nodes = find_nodes(space.argument)
     first, item = index_nodes(Packed(solids).argument, nodes)
     visible = np.zeros((len(nodes), min(len(nodes) + 1, _LONGEST_ROW)), dtype=np.int32)
-    return FloorPlan(solids, borders, np.ascontiguousarray(origins), nodes.copy(), first, item, visible)
+    return FloorPlan(
+        solids,
+        borders,
+        np.ascontiguousarray(origins),
+        nodes.copy(),
+        first,
+        item,
+        visible,
+        np.zeros(len(nodes), dtype=np.int64),
+    )
 
 
 class FreeSpace:
@@ -104,8 +115,8 @@ class FreeSpace:
         count = MOST_POINTS * 2 * len(added)
         self._graph = Packed(
             Graph(
-                plan.origins, plan.nodes, plan.first, plan.item, plan.visible, np.empty((count, NODE_SIZE)),
-                np.zeros(len(plan.nodes), dtype=bool), np.full(1, -1),
+                plan.origins, plan.nodes, plan.first, plan.item, plan.visible, plan.component,
+                np.empty((count, NODE_SIZE)), np.zeros(len(plan.nodes), dtype=bool), np.full(1, -1),
             )
         )  # fmt: skip
 
@@ -113,6 +124,11 @@ class FreeSpace:
     def for_kernels(self) -> Space:
         """The space as kernels take it."""
         return self._space.value
+
+    def find_edges(self) -> None:
+        """Find all edges of the visibility graph now, rather than when paths need them, if they are many."""
+        if len(self._plan.nodes) > _MANY and self._plan.component[0] == 0:
+            find_all_rows(self._space.argument, self._graph.argument)
 
     def with_added(self, added: Barriers) -> FreeSpace:
         """The same space with other added obstacles."""

@@ -18,6 +18,7 @@ from .vectors import X, Y
 from .visibility import Graph, complete, is_node, node, visible_row
 
 _LONG = 32  # nodes; a longer search also looks from the end, which may lie in a small closed space
+_TOO_LONG = 128  # nodes; one that is even longer only loses time by this
 _MAX_PUSHES = 8  # attempts to reach a free position by moving off the nearest barriers
 
 
@@ -107,13 +108,20 @@ def _search(
     best, previous = np.full(end + 1, math.inf), np.full(end + 1, -1)
     is_done, is_seen = np.zeros(end + 1, dtype=np.bool_), np.zeros(end + 1, dtype=np.bool_)  # from start, from end
     found, reached, is_connected = np.empty(max(fixed, 1), dtype=np.int64), 0, False
-    # Bound of the length of the path, length to node j, node i before it, j, and whether the edge was tested.
-    waiting, waiting_back = [(0.0, 0.0, -2, -1, True)], [(0.0, end)]
+    sees_end = np.ones(max(fixed, 1), dtype=np.bool_)  # or may do so
+    if fixed > 0 and graph.component[0] > 0:
+        sees_end[:] = False
+        if not _is_connected(space, graph, x, y, end_x, end_y, sees_end, found):
+            return math.inf, 0
+    # Bound of the length of the path, and node j; where the edge from node i was not tested, j + (i + 2) (end + 1)
+    waiting, waiting_back = [(0.0, -1)], [(0.0, end)]
     is_seen[end] = True
     while len(waiting) > 0:
-        _, travelled, i, j, is_tested = heapq.heappop(waiting)
-        node_x, node_y = x, y
+        _, j = heapq.heappop(waiting)
+        node_x, node_y, travelled = x, y, 0.0
         if j >= 0:
+            is_tested, i = j <= end, j // (end + 1) - 2
+            j = j % (end + 1)
             if is_done[j]:
                 continue
             node_x, node_y = (end_x, end_y) if j == end else node(graph, j)
@@ -121,9 +129,10 @@ def _search(
                 from_x, from_y = (x, y) if i < 0 else node(graph, i)
                 if not is_open(space, from_x, from_y, node_x, node_y):
                     continue
-            previous[j], is_done[j], reached = i, True, reached + 1
+                best[j], previous[j] = (0.0 if i < 0 else best[i]) + length(node_x - from_x, node_y - from_y), i
+            travelled, is_done[j], reached = best[j], True, reached + 1
             if j == end:
-                return travelled, _trace(graph, previous, i, route)
+                return travelled, _trace(graph, previous, previous[end], route)
             is_connected |= is_seen[j]
         visible = visible_row(space, graph, j, node_x, node_y, found)
         for n in range(visible + end - fixed + 1):
@@ -131,21 +140,46 @@ def _search(
             k = found[n] if n < visible else fixed + n - visible
             if is_done[k] or (k < fixed and graph.is_covered[k]):
                 continue
+            if k == end and 0 <= j < fixed and not sees_end[j]:
+                continue
             to_x, to_y = (end_x, end_y) if k == end else node(graph, k)
             total = travelled + length(to_x - node_x, to_y - node_y)
             if not total < best[k]:
                 continue
-            if n < visible:
-                if is_near_line(space.added, space.clearance - TOLERANCE, node_x, node_y, to_x, to_y):
-                    continue
-                best[k] = total
-            bound = total + length(end_x - to_x, end_y - to_y)
-            heapq.heappush(waiting, (bound, total, j, k, n < visible))
-        if reached > _LONG and not is_connected:
+            code = k
+            if n >= visible:
+                code += (j + 2) * (end + 1)
+            elif is_near_line(space.added, space.clearance - TOLERANCE, node_x, node_y, to_x, to_y):
+                continue
+            else:
+                best[k], previous[k] = total, j
+            heapq.heappush(waiting, (total + length(end_x - to_x, end_y - to_y), code))
+        if _LONG < reached <= _TOO_LONG and not is_connected:
             if len(waiting_back) == 0:
                 return math.inf, 0  # the end lies in a closed space
             is_connected = _look_back(space, graph, waiting_back, is_seen, is_done, x, y, end_x, end_y, found)
     return math.inf, 0
+
+
+@subroutine
+def _is_connected(
+    space: Space, graph: Graph, x: float, y: float, end_x: float, end_y: float, sees_end: BoolArray, found: IntArray
+) -> bool:
+    """Whether start and end see nodes of one component of the graph; nodes that see the end are marked.
+
+    Args:
+        space, graph: added barriers are left out.
+        x, y, end_x, end_y: start and end, m.
+        sees_end: (n,), false everywhere; is filled.
+        found: (n,) of int, scratch.
+    """
+    has_end = np.zeros(len(graph.nodes) + 1, dtype=np.bool_)  # by component
+    for n in range(visible_row(space, graph, -1, end_x, end_y, found)):
+        sees_end[found[n]] = has_end[graph.component[found[n]]] = True
+    for n in range(visible_row(space, graph, -1, x, y, found)):
+        if has_end[graph.component[found[n]]]:
+            return True
+    return False
 
 
 @subroutine

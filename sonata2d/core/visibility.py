@@ -54,6 +54,7 @@ class Graph(NamedTuple):
         first, item: nodes in each cell of the grid of `Space.solids`, as in `Grid`.
         visible: (n, S) of int, for each node the nodes that are visible from it among `Space.solids`, then `_END`.
             They are numbered from 1 on; a row with a 0 in front of `_END`, or without `_END`, is not known yet.
+        component: (n,) of int, number of the connected component of each node, from 1 on; 0 while not known.
         added_nodes: (A, 3), the same around `Space.added`, and closer ones in place of nodes of wide polygons that are
             not free any more; free of all barriers; as many as `added_count`.
         is_covered: (n,) of bool, nodes that are not free of `Space.added`.
@@ -65,6 +66,7 @@ class Graph(NamedTuple):
     first: Ints
     item: Ints
     visible: ShortInts2
+    component: Ints
     added_nodes: Floats2
     is_covered: Bools
     added_count: Ints
@@ -447,6 +449,28 @@ def _known_row(graph: Graph, i: int) -> int:
         if row[n] <= 0:
             return n if row[n] == _END else -1
     return -1
+
+
+@kernel
+def find_all_rows(packed_space: Any, packed_graph: Any) -> None:
+    """Fill all rows of `Graph.visible` that are not known yet, and `Graph.component`."""
+    space, graph = unpack(packed_space, Space), unpack(packed_graph, Graph)
+    found, waiting = np.empty(len(graph.nodes), dtype=np.int64), np.empty(len(graph.nodes), dtype=np.int64)
+    component, number = np.zeros(len(graph.nodes), dtype=np.int64), 0
+    for k in range(len(graph.nodes)):
+        if component[k] > 0:
+            continue
+        number += 1
+        component[k], waiting[0], first, last = number, k, 0, 1
+        while first < last:
+            i = waiting[first]
+            for n in range(visible_row(space, graph, i, graph.nodes[i, X], graph.nodes[i, Y], found)):
+                if component[found[n]] == 0:
+                    component[found[n]], waiting[last] = number, found[n]
+                    last += 1
+            first += 1
+    for k in range(len(graph.nodes) - 1, -1, -1):  # the first one last: other threads then know that all are there
+        graph.component[k] = component[k]
 
 
 @subroutine

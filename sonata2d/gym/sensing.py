@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
+from ..core.barrier_grid import Solids, column_of, rows_near_line
 from ..core.compiled.kernel import kernel, subroutine
+from ..core.compiled.packing import unpack
 from ..core.compiled.scalar import length
 from ..core.humans import BODY_X, BODY_Y, X, Y
 from ..core.portable_math import Array, BoolArray, IntArray
@@ -61,30 +64,48 @@ def visible(
 
 @kernel
 def measure_ranges(
-    row: Array, is_present: BoolArray, radius: Array, shoulder: Array, barriers: Array, directions: Array, ranges: Array
-) -> None:
+    row: Array, is_present: BoolArray, radius: Array, shoulder: Array, packed_solids: Any, directions: Array,
+    ranges: Array,
+) -> None:  # fmt: skip
     """Shorten the ranges of rays from the centre of the robot, m, to the nearest outline in their directions.
 
     Args:
         row: of a `State` with N pedestrians.
         is_present: (N,), pedestrians that are in the room.
         radius, shoulder: (N,), of their bodies, m.
-        barriers: `Barriers.table`, one row for each of M thick segments, m, world frame.
+        packed_solids: walls and furniture.
         directions: (R, 2), unit vectors, in the robot's frame.
         ranges: (R,), m, is updated.
     """
+    solids = unpack(packed_solids, Solids)
     x, y, c, s = row[X], row[Y], row[BODY_X], row[BODY_Y]
     for r in range(len(directions)):
         ahead, left, nearest = directions[r, 0], directions[r, 1], ranges[r]
         ux, uy = ahead * c - left * s, ahead * s + left * c
-        for w in range(len(barriers)):
-            wall = barriers[w]
-            ax, ay, bx, by = wall[0] - x, wall[1] - y, wall[2] - x, wall[3] - y
-            nearest = min(nearest, _range_to_capsule(ux, uy, ax, ay, bx, by, wall[4]))
+        nearest = _range_to_solids(solids, x, y, ux, uy, nearest)
         for k in range(len(is_present)):
             if is_present[k]:
                 nearest = min(nearest, _range_to_body(row, k, radius[k], shoulder[k], ux, uy))
         ranges[r] = nearest
+
+
+@subroutine
+def _range_to_solids(solids: Solids, x: float, y: float, ux: float, uy: float, maximum: float) -> float:
+    """Range of a ray from a point to the nearest barrier, at most the maximum, m."""
+    grid, nearest = solids.grid, maximum
+    if len(solids.table) == 0:
+        return nearest
+    column, last, step = column_of(grid, x), column_of(grid, x + ux * maximum), 1 if ux >= 0.0 else -1
+    while True:
+        # Cells of the columns that the ray passes, up to what it has met so far.
+        low, high = rows_near_line(grid, column, x, y, x + ux * maximum, y + uy * maximum, 0.0)
+        for n in range(grid.first[column * grid.rows + low], grid.first[column * grid.rows + high + 1]):
+            wall = solids.table[grid.item[n]]
+            ax, ay, bx, by = wall[0] - x, wall[1] - y, wall[2] - x, wall[3] - y
+            nearest = min(nearest, _range_to_capsule(ux, uy, ax, ay, bx, by, wall[4]))
+        if column == last or step * (column_of(grid, x + ux * nearest) - column) <= 0:
+            return nearest
+        column += step
 
 
 @subroutine

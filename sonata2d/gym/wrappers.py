@@ -19,6 +19,7 @@ from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 from gymnasium.wrappers import NormalizeObservation
 
 from ..core.arguments import finite_number, positive_number, whole_number
+from ..core.barrier_grid import packed_solids
 from ..core.files.limits import MAX_OBSERVATION, MAX_ROWS
 from ..core.furniture_types import OBJECT_TYPES
 from ..core.portable_math import PI, Array, BoolArray, unit_vectors
@@ -306,7 +307,8 @@ class Lidar(EpisodeWrapper):
 
     def observation(self, observation: Observation) -> Observation:
         ranges = np.full(len(self._directions), self._distance)
-        measure_ranges(*self._bodies(), self._base.scene.barriers.table, self._directions, ranges)
+        solids = packed_solids(self._base.scene.barriers).argument
+        measure_ranges(*self._bodies(), solids, self._directions, ranges)
         return {**{name: observation[name] for name in self._kept}, "lidar": ranges.astype(np.float32)}
 
 

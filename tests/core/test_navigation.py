@@ -224,6 +224,73 @@ def test_a_room_without_barriers_is_free():
     assert room.path((1.0, 1.0), (7.0, 7.0)).tolist() == [[1.0, 1.0], [7.0, 7.0]]
 
 
+def cluttered(seed):
+    """A room full of walls, tables and plants at random places, and discs of people who stand in it."""
+    rng = np.random.default_rng(seed)
+    tables, plants, number = rng.integers(0, 14), rng.integers(0, 8), rng.integers(0, 10)
+    objects = [(Rectangle(0.8, 0.6), Pose(*rng.uniform(0.5, 7.5, 2), rng.uniform(-3, 3))) for _ in range(tables)]
+    objects += [(Disc(0.2), Pose(*rng.uniform(0.5, 7.5, 2))) for _ in range(plants)]
+    walls = []
+    for x, y, size, angle in zip(*rng.uniform(0, 8, (2, number)), *rng.uniform(0.5, 3, (2, number)), strict=True):
+        walls.append(((x, y), (x + size * math.cos(2 * angle), y + size * math.sin(2 * angle))))
+    people = [(tuple(place), tuple(place), 0.2) for place in rng.uniform(0.5, 7.5, (4, 2)).tolist()]
+    return space(walls=walls, objects=objects, clearance=rng.uniform(0.15, 0.45)), Barriers.of(people)
+
+
+def shortest_over_nodes(room, start, goal):
+    """Length of the shortest path over all nodes of the graph of a room, by Dijkstra's algorithm on all pairs."""
+    graph = room._graph.value
+    nodes = [*graph.nodes[~graph.is_covered, :2], *graph.added_nodes[: max(graph.added_count[0], 0), :2]]
+    places = np.array([start, goal, *nodes])
+    i, j = np.triu_indices(len(places), 1)
+    lengths = np.full((len(places), len(places)), np.inf)
+    lengths[i, j] = np.where(room.is_clear(places[i], places[j]), np.hypot(*(places[i] - places[j]).T), np.inf)
+    lengths = np.minimum(lengths, lengths.T)
+    best, is_done = np.full(len(places), np.inf), np.zeros(len(places), dtype=bool)
+    best[0] = 0.0
+    for _ in places:
+        k = int(np.argmin(np.where(is_done, np.inf, best)))
+        is_done[k] = True
+        best = np.minimum(best, best[k] + lengths[k])
+    return best[1]
+
+
+@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("finds_edges", [False, True])
+def test_paths_are_the_shortest_ones_over_the_graph(seed, finds_edges, monkeypatch):
+    """Where all edges were found before, paths between unconnected parts are not searched."""
+    room, people = cluttered(seed)
+    if finds_edges:
+        monkeypatch.setattr("sonata2d.core.navigation._MANY", 0)
+        room.find_edges()
+    among = room.with_added(people)
+    for one in (room, among):
+        points = free_points(one, 8, seed).tolist()
+        one.path((-1.0, -1.0), (-1.0, -1.0))  # beyond the walls: the graph is complete from now on
+        for start, goal in zip(points[::2], points[1::2], strict=False):
+            assert one.distance(start, goal) == pytest.approx(shortest_over_nodes(one, start, goal), abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_obstacles_that_are_added_have_the_effect_of_others(seed):
+    room, people = cluttered(seed)
+    added, joined = room.with_added(people), FreeSpace(room.outline, room.barriers.joined(people), room.clearance)
+    places = np.random.default_rng(seed).uniform(0.0, 8.0, (300, 2))
+    assert np.array_equal(added.is_free(places), joined.is_free(places))
+    assert np.array_equal(added.is_clear(places[::2], places[1::2]), joined.is_clear(places[::2], places[1::2]))
+    points = free_points(added, 8, seed).tolist()
+    for start, goal in zip(points[::2], points[1::2], strict=False):
+        # The nodes differ where both an added obstacle and another one leave little room.
+        assert added.distance(start, goal) == pytest.approx(joined.distance(start, goal), abs=0.05)
+
+
+def test_floor_plans_are_shared_and_added_obstacles_are_not():
+    room, people = cluttered(3)
+    again, _ = cluttered(3)
+    assert again._plan is room._plan is room.with_added(people)._plan
+    assert room.with_added(people).with_added(Barriers.of(())).added is not people
+
+
 def save_paths(file: str) -> None:
     """Write distances and paths in a furnished room to a file; starts and goals may lie in furniture."""
     rng, arrays = np.random.default_rng(3), {}

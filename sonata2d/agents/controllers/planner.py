@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, astuple, dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
+from ...core.barrier_grid import Solids, find_within, packed_solids
 from ...core.compiled.kernel import kernel, subroutine
+from ...core.compiled.packing import unpack
 from ...core.compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, clipped, gap, rotation, to_shoulder_line
 from ...core.entities import Robot
 from ...core.floats import FloatFields
@@ -288,7 +290,7 @@ class SocialPlanner(Controller):
 
     def reset(self, scene: Scene) -> None:
         field, robot, goal, weights = CostField(scene), scene.robot, scene.goal, astuple(self._weights)
-        self._layers, self._barriers = field.layers, scene.barriers.table
+        self._layers, self._solids = field.layers, packed_solids(scene.barriers)
         has_negative_weights = min(*weights[_INTIMATE:], self.obstacle_price) < 0.0
         limits, is_holonomic = robot.limits, robot.kinematics == "holonomic"
         numbers = (
@@ -314,9 +316,9 @@ class SocialPlanner(Controller):
             return self._last
         now = robot.executed
         best = _cheapest(
-            self._numbers, self._layers, self._barriers, self._pairs, self._velocities, self._turns, self._positions,
-            self._progress, humans.state, humans.radius, humans.shoulder, snapshot.tick, robot.position,
-            robot.direction,
+            self._numbers, self._layers, self._solids.argument, self._pairs, self._velocities, self._turns,
+            self._positions, self._progress, humans.state, humans.radius, humans.shoulder, snapshot.tick,
+            robot.position, robot.direction,
             float(now.vx), float(now.vy), float(now.omega), float(last.vx), float(last.vy), float(last.omega),
         )  # fmt: skip
         if best < len(self._twists):
@@ -329,7 +331,7 @@ class SocialPlanner(Controller):
 
 @kernel
 def _cheapest(
-    numbers: Array, layers: Array, barriers: Array, pairs: IntArray, velocities: Array, turns: Array, positions: Array,
+    numbers: Array, layers: Array, packed: Any, pairs: IntArray, velocities: Array, turns: Array, positions: Array,
     progress: Array, state: Array, radius: Array, shoulder: Array, tick: int, position: Point, direction: Point,
     now_vx: float, now_vy: float, now_omega: float, last_vx: float, last_vy: float, last_omega: float,
 ) -> int:  # fmt: skip
@@ -338,7 +340,7 @@ def _cheapest(
     Args:
         numbers: (22,), weights, robot and task; columns `_AHEAD` to `_TURN_ACCELERATION`.
         layers: (3, NX, NY), of the cost field.
-        barriers: (M, 8).
+        packed: `Solids`, walls and furniture.
         pairs: (K, 2), indices of the velocity and of the turn rate of each candidate; the last one is the last command.
         velocities: (V, 2), m/s, body frame; the last one is overwritten with the last command's.
         turns: (T,), rad/s; the last one is overwritten with the last command's.
@@ -358,7 +360,10 @@ def _cheapest(
     headings = _headings(numbers, turns, now_omega, direction)
     motions, speed = _motions(numbers, velocities, now_vx, now_vy)
     _roll_out(positions, headings, motions, position)
-    solids = _nearby_barriers(numbers, barriers, position)
+    reach = numbers[_MAX_SPEED] * _HORIZON + numbers[_ROBOT_RADIUS] + 0.1  # m, within the horizon
+    solids = unpack(packed, Solids)
+    near = np.empty(len(solids.table), dtype=np.int64)
+    near = near[: find_within(solids, position[0], position[1], reach, near)]
     people = _nearby_people(numbers, state, radius, shoulder, position, speed)
     far = max(PERSONAL_DISTANCE, (speed - _SLOW_SPEED) / _SPEED_PER_METRE) + 1e-6  # m, beyond which people cost nothing
     bodies, counts = _predicted_bodies(numbers, state, radius, shoulder, position, speed, far)
@@ -387,7 +392,7 @@ def _cheapest(
         if bound[k] > limit or n == first:
             continue
         v, t = pairs[k, 0], pairs[k, 1]
-        covered, contact = _ground_cost(numbers, layers, barriers, solids, positions, v, t, motions)
+        covered, contact = _ground_cost(numbers, layers, solids.table, near, positions, v, t, motions)
         ground = end_cost[k] + courtesy * covered + contact
         braking = numbers[_CLOSING] * _shortfall(numbers, people, v, t, headings, motions, direction)
         cost = ground + braking + change[k]
@@ -511,20 +516,8 @@ def _end_cost(
 
 
 @subroutine
-def _nearby_barriers(numbers: Array, barriers: Array, position: Point) -> IntArray:
-    """Indices of the barriers that the robot can reach within the horizon."""
-    reach = numbers[_MAX_SPEED] * _HORIZON + numbers[_ROBOT_RADIUS] + 0.1
-    near, count = np.empty(len(barriers), dtype=np.int64), 0
-    for k in range(len(barriers)):
-        if gap(barriers, k, position[0], position[1]) < reach:
-            near[count] = k
-            count += 1
-    return near[:count]
-
-
-@subroutine
 def _ground_cost(
-    numbers: Array, layers: Array, barriers: Array, solids: IntArray, positions: Array, v: int, t: int, motions: Array
+    numbers: Array, layers: Array, barriers: Array, nearby: IntArray, positions: Array, v: int, t: int, motions: Array
 ) -> tuple[float, float]:
     """Surcharge of the ground that a trajectory covers, and cost of coming near walls and furniture."""
     _, nx, ny = layers.shape
@@ -544,8 +537,8 @@ def _ground_cost(
         if is_in_grid and layers[_CLEARANCE, int(i), int(j)] > near + 1.5 * CELL:
             continue
         distance = 1e9
-        for n in range(len(solids)):
-            distance = min(distance, gap(barriers, solids[n], x, y))
+        for n in range(len(nearby)):
+            distance = min(distance, gap(barriers, nearby[n], x, y))
         if earliness == 0.0 and distance < touching:
             earliness = (STEPS - k) / STEPS
         if has_price:

@@ -9,8 +9,8 @@ from typing import Any, Self
 import numpy as np
 
 from ...core.arguments import finite_number
-from ...core.barrier_grid import barriers_within, solids_of
-from ...core.compiled.packing import Packed, zeros
+from ...core.barrier_grid import barriers_within
+from ...core.compiled.packing import zeros
 from ...core.geometry import Point, Twist
 from ...core.navigation import FreeSpace
 from ...core.portable_math import angle_of, unit_vector
@@ -80,7 +80,7 @@ class SocialForce(Controller):
         self._model = pedestrian_model(self.model)(scene)
         count = len(scene.humans)
         self._walkers = _robot_among(count, scene.robot.radius, self.speed, len(scene.barriers))
-        self._solids = Packed(solids_of(scene.barriers))
+        self._barriers = scene.barriers
         self._far = np.stack((_FAR + np.arange(count + 1.0), np.full(count + 1, _FAR)), axis=1)  # m, of absent humans
 
     def act(self, snapshot: Snapshot) -> Twist:
@@ -132,7 +132,7 @@ class SocialForce(Controller):
         near = np.flatnonzero(distance < INTERACTION_RANGE)
         walkers.neighbour_start[-1], walkers.neighbour[: len(near)] = len(near), near
         walkers.attention[: len(near)] = np.minimum((INTERACTION_RANGE - distance[near]) / FADING_DISTANCE, 1.0)
-        walls = barriers_within(self._solids, robot.position, WALL_RANGE)
+        walls = barriers_within(self._barriers, robot.position, WALL_RANGE)
         walkers.wall_start[-1], walkers.wall[: len(walls)] = len(walls), walls
 
 

@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.barrier_grid import Solids, find_within
+from ...core.barrier_grid import Solids, find_within, is_crossed
 from ...core.compiled.kernel import subroutine
-from ...core.compiled.scalar import clipped, crosses, length
+from ...core.compiled.scalar import clipped, length
 from ...core.portable_math import Array, BoolArray, IntArray
 from .models.base import Walkers
 
 INTERACTION_RANGE = 5.0  # m, between centres; pedestrians that are farther apart do not affect each other
-WALL_RANGE = 3.0  # m, from the centre of a pedestrian to the surface of a wall; others have no effect on it
+WALL_RANGE = 2.0  # m, from the centre of a pedestrian to the surface of a wall; others have no effect on it
 FADING_DISTANCE = 1.0  # m, over which attention falls to 0 at the range, so that no force sets in suddenly
 _CELL = 1.001 * INTERACTION_RANGE  # m, minimum width: rounding must not put a pair within the range two cells apart
 
@@ -41,7 +41,6 @@ def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Solids
     first_pair, later = np.empty(count + 1, np.int64), np.zeros(count, np.int64)
     grid = _empty_grid(position, is_present)
     last_of_group, previous_member = np.full(count, -1, np.int64), np.empty(count, np.int64)
-    near_walls = np.empty(len(view_blocks.table), np.int64)
     pairs = 0
     for i in range(count):
         first_pair[i] = pairs
@@ -60,12 +59,11 @@ def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Solids
             previous_member[i], last_of_group[group] = last_of_group[group], i
         if pairs > capacity:
             return 2 * pairs
-        walls = find_within(view_blocks, x, y, INTERACTION_RANGE, near_walls)
         for n in range(first_pair[i], pairs):
             j = earlier[n]
             later[j] += 1
             weight[n] = 0.0
-            if n < near and not _is_hidden(view_blocks, near_walls[:walls], x, y, position[j, 0], position[j, 1]):
+            if n < near and not is_crossed(view_blocks, x, y, position[j, 0], position[j, 1]):
                 distance = length(position[j, 0] - x, position[j, 1] - y)
                 weight[n] = clipped((INTERACTION_RANGE - distance) / FADING_DISTANCE, 0.0, 1.0)
     first_pair[count] = pairs
@@ -130,15 +128,6 @@ def with_longer_lists(walkers: Walkers, neighbours: int, walls: int) -> Walkers:
 @subroutine
 def _is_within_range(dx: float, dy: float) -> bool:
     return dx * dx + dy * dy < INTERACTION_RANGE * INTERACTION_RANGE
-
-
-@subroutine
-def _is_hidden(view_blocks: Solids, walls: IntArray, x: float, y: float, other_x: float, other_y: float) -> bool:
-    """Whether one of some walls blocks the view from one point to another, m."""
-    for n in range(len(walls)):
-        if crosses(view_blocks.table, walls[n], x, y, other_x, other_y):
-            return True
-    return False
 
 
 class Grid(NamedTuple):

@@ -12,11 +12,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...core.barrier_grid import Solids, find_within, is_within, solids_of
+from ...core.barrier_grid import (
+    Solids,
+    column_of,
+    find_within,
+    is_blocked,
+    is_within,
+    packed_solids,
+    rows_near_line,
+    solids_of,
+)
 from ...core.compiled.kernel import kernel, subroutine
-from ...core.compiled.packing import Floats, Floats2, Ints, Ints2, Packed, unpack, zeros
+from ...core.compiled.packing import Floats, Floats2, Ints, Ints2, unpack, zeros
 from ...core.compiled.scalar import END_X, RADIUS, START_X, length, towards
-from ...core.geometry import inside_polygon, segment_distances
+from ...core.geometry import Barriers, inside_polygon
 from ...core.humans import X, Y
 from ...core.portable_math import Array, BoolArray
 from ...core.scene import Scene
@@ -37,6 +46,9 @@ _WAITING_DISTANCE = 1.1  # m, from the end of a passage
 _LANE, _LANE_LENGTH = 0.55, 2.2  # m, half the width and the length of what is kept free for those who come out
 _STEP_ASIDE = 0.5  # m/s
 
+_NO_ROOM = 2.0  # neither side
+_MOST_WAYS = 4  # passages that a pedestrian passes at a time
+
 _X, _Y, _UX, _UY, _HALF_WIDTH, _HALF_DEPTH, _LEFT_ROOM, _RIGHT_ROOM = range(8)  # columns of `Passages.frame`
 
 
@@ -48,82 +60,44 @@ class Passages(NamedTuple):
             these walls, m; half the length of the passage in the walking direction, m, 0 between two ends of walls;
             where people wait at the end to the left of the unit vector, and at that to the right: 1 on the side to
             which the vector points, -1 on the other one, 0 on both.
+        gates: (G,) lines from one side wall to the other.
         holder: (G,) of int, direction with the right of way: 1 to the left of the unit vector, -1 to the right, 0 if
             no pedestrian has it.
         waited: (G,), for which the other direction has been waiting, s.
-        way: (G, N) of int, direction in which each pedestrian is about to pass, or passes; 0 if it does not.
-        distance: (G, N), on the path of each pedestrian with a way, to the end of the passage, m; 0 inside.
+        passage: (N, W) of int, passages that each pedestrian is about to pass, or passes; -1 for none.
+        way: (N, W) of int, direction in which it passes.
+        distance: (N, W), on its path to the end of the passage, m; 0 inside.
     """
 
     frame: Floats2
+    gates: Solids
     holder: Ints
     waited: Floats
+    passage: Ints2
     way: Ints2
     distance: Floats2
 
 
 def find_passages(scene: Scene) -> Passages:
     """The narrow passages between walls and furniture that have room for those who wait on both sides."""
-    solids = Packed(solids_of(scene.barriers))
+    solids = packed_solids(scene.barriers)
     narrow = np.zeros((4 * len(scene.barriers), 5))
-    ends = narrow[: _find_ends(solids.argument, narrow)]
-    ends = ends[inside_polygon(ends[:, :2], scene.outline)]
-    groups: list[list[Array]] = []
-    for end in ends:
-        group = next((group for group in groups if _are_of_one(scene, group[0], end)), None)
-        if group is None:
-            groups.append([end])
-        else:
-            group.append(end)
-    frames = [_frame(scene, np.array(group)) for group in groups]
-    frame = np.array([row for row in frames if row is not None]).reshape(-1, 8)
-    shape = len(frame), len(scene.humans)
-    return zeros(Passages, len(frame), frame=frame, way=np.zeros(shape, dtype=np.int64), distance=np.zeros(shape))
-
-
-def _are_of_one(scene: Scene, first: Array, second: Array) -> bool:
-    """Whether two narrow places are parts of one passage: one behind the other, with neither walls nor room between."""
-    dx, dy = (second[:2] - first[:2]).tolist()
-    _, _, ux, uy, _ = first.tolist()
-    ahead = abs(dy * ux - dx * uy)
-    is_parallel = abs(ux * second[_UX] + uy * second[_UY]) > 0.9
-    if not is_parallel or abs(dx * ux + dy * uy) > _OFFSET or ahead > _DEEPEST:
-        return False
-    if segment_distances(first[None, :2], second[None, :2], scene.barriers).min() < _NARROWEST / 4:
-        return False  # as in a hollow wall
-    count = int(ahead / _SAMPLING) + 1
-    between = np.array([[first[0] + dx * k / count, first[1] + dy * k / count] for k in range(1, count)])
-    return not len(between) or bool(scene.barriers.gaps(between).min(axis=0).max() < WIDEST / 2)
-
-
-def _frame(scene: Scene, ends: Array) -> Array | None:
-    """A row of `Passages.frame` for a passage that consists of narrow places; None without room for those who wait."""
-    narrowest = ends[ends[:, 4].argmin()]
-    x, y = (np.add.reduce(ends[:, :2], axis=0) / len(ends)).tolist()
-    ux, uy = narrowest[2:4].tolist()
-    ahead = (ends[:, 1] - y) * ux - (ends[:, 0] - x) * uy
-    half_depth = abs(ahead).max()
-    sides = [_side_with_room(scene, x, y, ux, uy, sign * (half_depth + _ROOM_AHEAD)) for sign in (1.0, -1.0)]
-    if None in sides:
-        return None
-    return np.array([x, y, ux, uy, narrowest[4] / 2, half_depth, *sides])
-
-
-def _side_with_room(scene: Scene, x: float, y: float, ux: float, uy: float, ahead: float) -> float | None:
-    """Where those can wait who come to an end of a passage: 1, -1 or 0, as in `Passages.frame`; None if nowhere.
-
-    Args:
-        scene: its walls and furniture.
-        x, y, ux, uy: see `Passages.frame`.
-        ahead: of the place from the middle of the passage, m, positive to the left of (ux, uy).
-    """
-    asides = np.array([0.0, _ROOM_ASIDE, -_ROOM_ASIDE])
-    places = np.stack((x - uy * ahead + ux * asides, y + ux * ahead + uy * asides), axis=1)
-    is_free = (scene.barriers.gaps(places).min(axis=0) >= _ROOM) & inside_polygon(places, scene.outline)
-    ahead_free, left_free, right_free = is_free.tolist()
-    if ahead_free or (left_free and right_free):
-        return 0.0
-    return 1.0 if left_free else -1.0 if right_free else None
+    narrow = narrow[: _find_ends(solids.argument, narrow)]
+    ends = np.ascontiguousarray(narrow[inside_polygon(narrow[:, :2], scene.outline)])
+    frame = np.zeros((len(ends), 8))
+    frame = frame[: _find_frames(solids.argument, np.array(scene.outline), ends, frame)].copy()
+    half = frame[:, _UX : _UY + 1] * frame[:, _HALF_WIDTH : _HALF_WIDTH + 1]
+    gates = zip((frame[:, :2] - half).tolist(), (frame[:, :2] + half).tolist(), strict=True)
+    shape = len(scene.humans), _MOST_WAYS
+    return zeros(
+        Passages,
+        len(frame),
+        frame=frame,
+        gates=solids_of(Barriers.of([((ax, ay), (bx, by), 0.0) for (ax, ay), (bx, by) in gates])),
+        passage=np.full(shape, -1),
+        way=np.zeros(shape, dtype=np.int64),
+        distance=np.zeros(shape),
+    )
 
 
 @kernel
@@ -158,6 +132,103 @@ def _find_ends(packed_solids: Any, narrow: Array) -> int:
     return count
 
 
+@kernel
+def _find_frames(packed_solids: Any, outline: Array, ends: Array, frame: Array) -> int:
+    """Join narrow places to passages.
+
+    Args:
+        packed_solids: walls and furniture.
+        outline: (K, 2), of the room, m.
+        ends: (E, 5), see `_find_ends`.
+        frame: (E, 8), is filled, see `Passages.frame`.
+
+    Returns:
+        Number of rows that were filled.
+    """
+    solids, count, groups = unpack(packed_solids, Solids), 0, 0
+    first, of = np.empty(len(ends), dtype=np.int64), np.empty(len(ends), dtype=np.int64)
+    for e in range(len(ends)):
+        of[e] = groups
+        for group in range(groups):
+            if _are_of_one(solids, ends[first[group]], ends[e]):
+                of[e] = group
+                break
+        if of[e] == groups:
+            first[groups] = e
+            groups += 1
+    x, y, members, narrowest = np.zeros(groups), np.zeros(groups), np.zeros(groups), first[:groups].copy()
+    for e in range(len(ends)):
+        group = of[e]
+        x[group], y[group], members[group] = x[group] + ends[e, 0], y[group] + ends[e, 1], members[group] + 1.0
+        if ends[e, 4] < ends[narrowest[group], 4]:
+            narrowest[group] = e
+    half_depth = np.zeros(groups)
+    for e in range(len(ends)):
+        group = of[e]
+        ux, uy = ends[narrowest[group], _UX], ends[narrowest[group], _UY]
+        dx, dy = ends[e, 0] - x[group] / members[group], ends[e, 1] - y[group] / members[group]
+        half_depth[group] = max(half_depth[group], abs(dy * ux - dx * uy))
+    for group in range(groups):
+        row, best = frame[count], ends[narrowest[group]]
+        row[_X], row[_Y], row[_UX], row[_UY] = x[group] / members[group], y[group] / members[group], best[2], best[3]
+        row[_HALF_WIDTH], row[_HALF_DEPTH] = best[4] / 2, half_depth[group]
+        row[_LEFT_ROOM] = _side_with_room(solids, outline, row, half_depth[group] + _ROOM_AHEAD)
+        row[_RIGHT_ROOM] = _side_with_room(solids, outline, row, -half_depth[group] - _ROOM_AHEAD)
+        count += row[_LEFT_ROOM] != _NO_ROOM and row[_RIGHT_ROOM] != _NO_ROOM
+    return count
+
+
+@subroutine
+def _are_of_one(solids: Solids, first: Array, second: Array) -> bool:
+    """Whether two narrow places are parts of one passage: one behind the other, with neither walls nor room between."""
+    dx, dy, ux, uy = second[0] - first[0], second[1] - first[1], first[_UX], first[_UY]
+    ahead = abs(dy * ux - dx * uy)
+    is_parallel = abs(ux * second[_UX] + uy * second[_UY]) > 0.9
+    if not is_parallel or abs(dx * ux + dy * uy) > _OFFSET or ahead > _DEEPEST:
+        return False
+    if is_blocked(solids, _NARROWEST / 4, 0.0, first[0], first[1], second[0], second[1]):
+        return False  # as in a hollow wall
+    count = int(ahead / _SAMPLING) + 1
+    for k in range(1, count):
+        if not is_within(solids, first[0] + dx * k / count, first[1] + dy * k / count, WIDEST / 2):
+            return False
+    return True
+
+
+@subroutine
+def _side_with_room(solids: Solids, outline: Array, row: Array, ahead: float) -> float:
+    """Where those can wait who come to an end of a passage: 1, -1 or 0, as in `Passages.frame`; or `_NO_ROOM`.
+
+    Args:
+        solids: walls and furniture.
+        outline: (K, 2), of the room, m.
+        row: of `Passages.frame`.
+        ahead: of the place from the middle of the passage, m, positive to the left of the unit vector.
+    """
+    x, y, ux, uy = row[_X] - row[_UY] * ahead, row[_Y] + row[_UX] * ahead, row[_UX], row[_UY]
+    if _has_room(solids, outline, x, y):
+        return 0.0
+    left = _has_room(solids, outline, x + ux * _ROOM_ASIDE, y + uy * _ROOM_ASIDE)
+    right = _has_room(solids, outline, x - ux * _ROOM_ASIDE, y - uy * _ROOM_ASIDE)
+    if left and right:
+        return 0.0
+    return 1.0 if left else -1.0 if right else _NO_ROOM
+
+
+@subroutine
+def _has_room(solids: Solids, outline: Array, x: float, y: float) -> bool:
+    """Whether a point in the room has a free circle around it."""
+    if is_within(solids, x, y, _ROOM):
+        return False
+    is_odd = False
+    for k in range(len(outline)):
+        ax, ay = outline[k, 0], outline[k, 1]
+        bx, by = outline[(k + 1) % len(outline), 0], outline[(k + 1) % len(outline), 1]
+        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+            is_odd = not is_odd
+    return is_odd
+
+
 @subroutine
 def give_way(
     passages: Passages, routes: Routes, walkers: Walkers, humans: Array, is_present: BoolArray, side: float, dt: float
@@ -177,20 +248,26 @@ def give_way(
         return
     for k in range(len(humans)):
         is_walking = is_present[k] and walkers.walks[k]
-        for g in range(len(passages.holder)):
+        for w in range(_MOST_WAYS):
+            g = passages.passage[k, w]
+            if g < 0:
+                continue
             aside, ahead = _in_frame(passages, g, humans[k, X], humans[k, Y])
             # Those who were on their way through have a way until they have come out.
-            comes_out = is_walking and passages.way[g, k] * ahead > 0.0 and _is_inside(passages, g, aside, ahead)
-            passages.way[g, k] = passages.way[g, k] if comes_out else 0
-            passages.distance[g, k] = 0.0
+            if not (is_walking and passages.way[k, w] * ahead > 0.0 and _is_inside(passages, g, aside, ahead)):
+                passages.passage[k, w] = -1
+            passages.distance[k, w] = 0.0
         if is_walking:
             _find_way(passages, k, routes, humans)
-    for g in range(len(passages.holder)):
-        _choose_holder(passages, g, dt)
-        for k in range(len(humans)):
-            way, holder = passages.way[g, k], passages.holder[g]
+    _choose_holders(passages, dt)
+    for k in range(len(humans)):
+        for w in range(_MOST_WAYS):
+            g = passages.passage[k, w]
+            if g < 0:
+                continue
+            way, holder = passages.way[k, w], passages.holder[g]
             has_way = (way * holder > 0 and passages.waited[g] <= _PATIENCE) or passages.waited[g] > _JAM
-            if way * holder != 0 and not has_way and passages.distance[g, k] > 0.0:
+            if holder != 0 and not has_way and passages.distance[k, w] > 0.0:
                 _wait(passages, g, k, walkers, humans, side)
                 routes.checkpoint[k, 0] = math.nan  # it makes no progress, but is not stuck
 
@@ -201,27 +278,52 @@ def _find_way(passages: Passages, k: int, routes: Routes, humans: Array) -> None
     x, y, walked = humans[k, X], humans[k, Y], 0.0
     for n in range(max(routes.next[k], 0), routes.length[k]):
         next_x, next_y = routes.path[k, n, 0], routes.path[k, n, 1]
-        step, nearest, first = length(next_x - x, next_y - y), 1.0, -1
-        for g in range(len(passages.holder)):
-            aside, ahead = _in_frame(passages, g, x, y)
-            next_aside, next_ahead = _in_frame(passages, g, next_x, next_y)
-            if ahead * next_ahead < 0.0:
-                part = ahead / (ahead - next_ahead)
-                crossing = aside + part * (next_aside - aside)
-                if part < nearest and abs(crossing) < passages.frame[g, _HALF_WIDTH]:
-                    nearest, first = part, g
+        step = length(next_x - x, next_y - y)
+        first, part = _first_gate(passages, x, y, next_x, next_y)
         if first >= 0:
-            distance = walked + nearest * step - passages.frame[first, _HALF_DEPTH]
-            if passages.way[first, k] == 0 and distance < _RANGE:
+            distance = walked + part * step - passages.frame[first, _HALF_DEPTH]
+            if distance < _RANGE:
                 aside, ahead = _in_frame(passages, first, x, y)
                 is_inside = walked == 0.0 and _is_inside(passages, first, aside, ahead)
-                passages.way[first, k] = -1 if ahead > 0.0 else 1
-                passages.distance[first, k] = 0.0 if is_inside else max(distance, 1e-3)
+                way = -1 if ahead > 0.0 else 1
+                _add_way(passages, k, first, way, 0.0 if is_inside else max(distance, 1e-3))
             return
         walked += step
         if walked > _RANGE:
             return
         x, y = next_x, next_y
+
+
+@subroutine
+def _first_gate(passages: Passages, x: float, y: float, to_x: float, to_y: float) -> tuple[int, float]:
+    """The first passage that a straight line passes, -1 without one, and the part of the line up to its middle."""
+    grid, nearest, first = passages.gates.grid, 1.0, -1
+    for column in range(column_of(grid, min(x, to_x)), column_of(grid, max(x, to_x)) + 1):
+        low, high = rows_near_line(grid, column, x, y, to_x, to_y, 0.0)
+        for n in range(grid.first[column * grid.rows + low], grid.first[column * grid.rows + high + 1]):
+            g = grid.item[n]
+            aside, ahead = _in_frame(passages, g, x, y)
+            to_aside, to_ahead = _in_frame(passages, g, to_x, to_y)
+            if ahead * to_ahead < 0.0:
+                part = ahead / (ahead - to_ahead)
+                crossing = aside + part * (to_aside - aside)
+                is_first = part < nearest or (part == nearest and g < first)
+                if is_first and abs(crossing) < passages.frame[g, _HALF_WIDTH]:
+                    nearest, first = part, g
+    return first, nearest
+
+
+@subroutine
+def _add_way(passages: Passages, k: int, g: int, way: int, distance: float) -> None:
+    """Note that pedestrian k is about to pass passage g, unless it comes out of it."""
+    free = -1
+    for w in range(_MOST_WAYS):
+        if passages.passage[k, w] == g:
+            return
+        if passages.passage[k, w] < 0 and free < 0:
+            free = w
+    if free >= 0:
+        passages.passage[k, free], passages.way[k, free], passages.distance[k, free] = g, way, distance
 
 
 @subroutine
@@ -240,30 +342,34 @@ def _in_frame(passages: Passages, g: int, x: float, y: float) -> tuple[float, fl
 
 
 @subroutine
-def _choose_holder(passages: Passages, g: int, dt: float) -> None:
-    """Keep the right of way, or give it to the direction whose first walker is nearest."""
-    left, right, first = math.inf, math.inf, 0
-    for k in range(passages.way.shape[1]):
-        distance = passages.distance[g, k]
-        if passages.way[g, k] > 0:
-            if distance < min(left, right):
-                first = 1
-            left = min(left, distance)
-        elif passages.way[g, k] < 0:
-            if distance < min(left, right):
-                first = -1
-            right = min(right, distance)
-    holder = passages.holder[g]
-    to_holder, to_other_side = (left, right) if holder > 0 else (right, left)
-    if holder != 0:
-        passages.waited[g] = passages.waited[g] + dt if to_other_side < _CLAIM else 0.0
-        if passages.waited[g] > _PATIENCE and to_holder > 0.0:
-            passages.holder[g], passages.waited[g] = -holder, 0.0
-            return
-        if to_holder < _CLAIM:
-            return
-    passages.waited[g] = 0.0
-    passages.holder[g] = first if min(left, right) < _CLAIM else 0
+def _choose_holders(passages: Passages, dt: float) -> None:
+    """Keep the rights of way, or give them to the directions whose first walkers are nearest."""
+    count = len(passages.holder)
+    # Distance of the nearest walker of each direction, and the direction of the nearer one.
+    left, right, first = np.full(count, math.inf), np.full(count, math.inf), np.zeros(count, np.int64)
+    for k in range(len(passages.passage)):
+        for w in range(_MOST_WAYS):
+            g, way, distance = passages.passage[k, w], passages.way[k, w], passages.distance[k, w]
+            if g < 0:
+                continue
+            if distance < min(left[g], right[g]):
+                first[g] = way
+            if way > 0:
+                left[g] = min(left[g], distance)
+            else:
+                right[g] = min(right[g], distance)
+    for g in range(count):
+        holder = passages.holder[g]
+        to_holder, to_other_side = (left[g], right[g]) if holder > 0 else (right[g], left[g])
+        if holder != 0:
+            passages.waited[g] = passages.waited[g] + dt if to_other_side < _CLAIM else 0.0
+            if passages.waited[g] > _PATIENCE and to_holder > 0.0:
+                passages.holder[g], passages.waited[g] = -holder, 0.0
+                continue
+            if to_holder < _CLAIM:
+                continue
+        passages.waited[g] = 0.0
+        passages.holder[g] = first[g] if min(left[g], right[g]) < _CLAIM else 0
 
 
 @subroutine

@@ -104,6 +104,8 @@ class Wayfinding:
         outline, barriers = scene.outline, scene.barriers
         self.space = self._places = FreeSpace(outline, barriers, self._breadth + _CLEARANCE)
         self.tight = FreeSpace(outline, barriers, self._depth + _TIGHT_CLEARANCE)
+        self.space.find_edges()
+        self.tight.find_edges()
         self.passable = FreeSpace(outline, barriers, self._depth - _WALL_TOLERANCE)
         self.set_obstacles(scene.standing_humans, scene.shared_spaces)
         xs, ys = zip(*scene.polygon, strict=True)
@@ -270,8 +272,8 @@ class Wayfinding:
             (K, 2), m; None if there is no path.
         """
         path = self.space.path(start, goal)
-        if path is not None and len(path) == 2:
-            return path  # straight
+        if path is not None and _length(path) <= _DETOUR * length(goal[0] - start[0], goal[1] - start[1]):
+            return path  # no other one is much shorter
         tight = self.tight.path(start, goal)
         if path is None or tight is None:
             return tight if path is None else path
