@@ -38,8 +38,8 @@ def furnished(side: float, people: int, count: int, seed: int) -> Scene:
     draw, places = np.random.default_rng(seed), []
     if count * SPACING * SPACING > 0.5 * side * side:
         columns = math.ceil(math.sqrt(count))
-        pitch = (side - 2.0) / (columns - 1)
-        grid = [(1.0 + pitch * (k % columns), 1.0 + pitch * (k // columns)) for k in range(columns**2)]
+        pitch = (side - 3.2) / (columns - 1)
+        grid = [(1.6 + pitch * (k % columns), 1.6 + pitch * (k // columns)) for k in range(columns**2)]
         places = [grid[k] for k in draw.permutation(len(grid))[:count].tolist()]
     while len(places) < count:
         x, y = draw.uniform(1.0, side - 1.0, 2).tolist()
