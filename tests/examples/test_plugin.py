@@ -122,7 +122,10 @@ class Circular:
         wall_x, wall_y = self.barriers.towards(w.position)
         distance = np.maximum(np.sqrt(wall_x * wall_x + wall_y * wall_y), 1e-6)
         gap = np.maximum(distance - self.barriers.radius[:, None] - w.radius, 0.0)
-        wall = exp(gap * (-1.0 / 0.1)) * -3.0 / distance
+        is_near = np.zeros(gap.shape, dtype=bool)
+        k = np.repeat(np.arange(len(w.position)), np.diff(w.wall_start))
+        is_near[w.wall[: len(k)], k] = True
+        wall = np.where(is_near, exp(gap * (-1.0 / 0.1)) * -3.0 / distance, 0.0)
         return others + drive + total(wall, wall_x, wall_y)
 """
 

@@ -59,9 +59,7 @@ def _accelerations(walkers: Walkers, parameters: Circular, barriers: Array, acce
             total_y += attention * y
         direction = walkers.desired_direction[i, 0], walkers.desired_direction[i, 1]
         drive = desired_acceleration(walkers, i, direction, p.relaxation_time)
-        wall = wall_acceleration(
-            barriers, position[i, 0], position[i, 1], radius[i], p.wall_strength, p.wall_decay_length
-        )
+        wall = wall_acceleration(walkers, i, barriers, radius[i], p.wall_strength, p.wall_decay_length)
         acceleration[i, 0] = total_x + drive[0] + wall[0]
         acceleration[i, 1] = total_y + drive[1] + wall[1]
 
