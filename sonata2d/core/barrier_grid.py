@@ -220,24 +220,30 @@ def is_too_near(
     table: Array, k: int, clearance: float, tolerance: float, x: float, y: float, end_x: float, end_y: float
 ) -> bool:
     """Whether barrier k is nearer to a straight line than the clearance less the tolerance, m."""
-    # Most barriers are beyond one side of the rectangle around the line.
-    reach = table[k, RADIUS] + clearance
-    ax, ay, bx, by = table[k, START_X], table[k, START_Y], table[k, END_X], table[k, END_Y]
-    if (
-        min(ax, bx) > max(x, end_x) + reach
-        or max(ax, bx) < min(x, end_x) - reach
-        or min(ay, by) > max(y, end_y) + reach
-        or max(ay, by) < min(y, end_y) - reach
-    ):
+    if _is_beside(table, k, clearance, min(x, end_x), min(y, end_y), max(x, end_x), max(y, end_y)):
         return False
     return line_gap(table, k, x, y, end_x, end_y) < clearance - tolerance
 
 
 @subroutine
-def is_near_line(solids: Solids, minimum: float, x: float, y: float, end_x: float, end_y: float) -> bool:
-    """`is_blocked` for a line whose ends keep the minimum distance, which is faster to test.
+def _is_beside(
+    table: Array, k: int, clearance: float, low_x: float, low_y: float, high_x: float, high_y: float
+) -> bool:
+    """Whether barrier k keeps a clearance, m, from a rectangle because it is beyond one of its sides, as most are."""
+    reach = table[k, RADIUS] + clearance
+    return bool(
+        _low(table, k, 0) > high_x + reach
+        or _high(table, k, 0) < low_x - reach
+        or _low(table, k, 1) > high_y + reach
+        or _high(table, k, 1) < low_y - reach
+    )
 
-    A barrier then comes too near only at one of its ends, or where it is crossed.
+
+@subroutine
+def is_near_line(solids: Solids, minimum: float, x: float, y: float, end_x: float, end_y: float) -> bool:
+    """Whether a barrier is nearer to a straight line than a minimum, m, if both ends of the line keep the minimum.
+
+    Faster than `is_blocked`: only the ends of the barrier, and crossings, need a test.
     """
     table, grid = solids.table, solids.grid
     if len(table) == 0:
@@ -250,20 +256,14 @@ def is_near_line(solids: Solids, minimum: float, x: float, y: float, end_x: floa
         low, high = rows_near_line(grid, column, x, y, end_x, end_y, minimum)
         for n in range(grid.first[column * grid.rows + low], grid.first[column * grid.rows + high + 1]):
             k = grid.item[n]
-            ax, ay, bx, by = table[k, START_X], table[k, START_Y], table[k, END_X], table[k, END_Y]
-            reach = table[k, RADIUS] + minimum
-            if (
-                min(ax, bx) > high_x + reach
-                or max(ax, bx) < low_x - reach
-                or min(ay, by) > high_y + reach
-                or max(ay, by) < low_y - reach
-            ):
+            if _is_beside(table, k, minimum, low_x, low_y, high_x, high_y):
                 continue
+            reach = table[k, RADIUS] + minimum
             square = reach * reach
-            dx, dy = to_line(ax - x, ay - y, along_x, along_y, inverse)
+            dx, dy = to_line(table[k, START_X] - x, table[k, START_Y] - y, along_x, along_y, inverse)
             if dx * dx + dy * dy < square:
                 return True
-            dx, dy = to_line(bx - x, by - y, along_x, along_y, inverse)
+            dx, dy = to_line(table[k, END_X] - x, table[k, END_Y] - y, along_x, along_y, inverse)
             if dx * dx + dy * dy < square or crosses(table, k, x, y, end_x, end_y):
                 return True
     return False
@@ -334,7 +334,7 @@ def outline_gap(
 
 @subroutine
 def find_within(solids: Solids, x: float, y: float, distance: float, found: IntArray) -> int:
-    """The barriers whose surfaces are nearer to a point than a distance, m, in ascending order.
+    """Find the barriers within a distance of a point, m, measured to their surfaces; in ascending order.
 
     Args:
         solids, x, y, distance: m.
@@ -370,6 +370,6 @@ def _list_within(packed_solids: Any, x: float, y: float, distance: float, found:
 
 
 def barriers_within(barriers: Barriers, point: Point, distance: float) -> IntArray:
-    """The barriers whose surfaces are nearer to a point than a distance, m, in ascending order; (K,) of int."""
+    """Indices of the barriers within a distance of a point, m, measured to their surfaces; (K,) of int, ascending."""
     found = np.empty(len(barriers), dtype=np.int64)
     return found[: _list_within(packed_solids(barriers).argument, float(point[0]), float(point[1]), distance, found)]

@@ -10,7 +10,7 @@ import numpy as np
 from .barrier_grid import Solids, is_blocked, is_crossed, is_near_line, is_within, nearest_within
 from .compiled.kernel import kernel, subroutine
 from .compiled.packing import Floats2, Ints, unpack
-from .compiled.scalar import END_X, END_Y, START_X, START_Y, Vector, is_inside, length, towards
+from .compiled.scalar import END_X, END_Y, START_X, START_Y, Vector, is_inside, length, meets_ray, towards
 from .portable_math import Array, BoolArray, IntArray
 from .vectors import X, Y
 
@@ -124,9 +124,7 @@ def _is_in_room(borders: Borders, x: float, y: float) -> bool:
     row = int(min(max((y - borders.south) / borders.height, 0.0), rows - 1.0))
     is_odd = False
     for n in range(borders.first[row], borders.first[row + 1]):
-        k = borders.item[n]
-        ax, ay, bx, by = borders.edges[k, 0], borders.edges[k, 1], borders.edges[k, 2], borders.edges[k, 3]
-        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+        if meets_ray(borders.edges, borders.item[n], x, y):
             is_odd = not is_odd
     return is_odd
 

@@ -37,16 +37,7 @@ def find_path(
         Number of points of the route, and length of the path, m; 0 and infinite if there is no path. A number larger
         than R if the route is too short for them.
     """
-    return search_path(
-        unpack(packed_space, Space), unpack(packed_graph, Graph), start_x, start_y, goal_x, goal_y, route
-    )
-
-
-@subroutine
-def search_path(
-    space: Space, graph: Graph, start_x: float, start_y: float, goal_x: float, goal_y: float, route: Array
-) -> tuple[int, float]:
-    """`find_path` in a space and graph."""
+    space, graph = unpack(packed_space, Space), unpack(packed_graph, Graph)
     has_end, end_x, end_y = _nearest_free(space, graph, goal_x, goal_y)
     has_start, x, y = _nearest_free(space, graph, start_x, start_y)
     if not has_start or not has_end:

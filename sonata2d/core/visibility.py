@@ -1,4 +1,4 @@
-"""Kernels of `navigation`: the visibility graph, whose nodes are points at which shortest paths turn."""
+"""Kernels of `navigation`: the visibility graph. Its nodes are the points at which shortest paths can turn."""
 
 from __future__ import annotations
 
@@ -303,7 +303,7 @@ def _visible_nodes(space: Space, graph: Graph, own: int, x: float, y: float, fou
                 count += 1
         return count
     is_hidden = np.zeros(_SECTORS, dtype=np.bool_)
-    is_complete = np.zeros(len(solids.table), dtype=np.bool_)  # barriers whose effect is known
+    is_complete = np.zeros(len(solids.table), dtype=np.bool_)  # barriers that need no second visit
     # Cells in view, in rings around the position: those of a ring are next to those of the ring before.
     own_column, own_row = column_of(grid, x), row_of(grid, y)
     cells, is_listed = np.empty(grid.columns * grid.rows, np.int64), np.zeros(grid.columns * grid.rows, np.bool_)
@@ -397,7 +397,8 @@ def _hide(
     middle_x, middle_y = ax + bx, ay + by
     if middle_x == 0.0 and middle_y == 0.0:
         return True
-    # The core line, a little longer; for a disc, a line across the view. Whoever crosses it comes too near.
+    # The core line, extended by less than the clearance; for a disc, a line across the view. Lines that cross it are
+    # blocked.
     reach = 0.9 * (table[k, RADIUS] + clearance)
     along_x, along_y = bx - ax, by - ay
     if along_x == 0.0 and along_y == 0.0:

@@ -225,7 +225,7 @@ def test_a_room_without_barriers_is_free():
 
 
 def cluttered(seed):
-    """A room full of walls, tables and plants at random places, and discs of people who stand in it."""
+    """A room with random walls, tables and plants, and the discs of four standing people."""
     rng = np.random.default_rng(seed)
     tables, plants, number = rng.integers(0, 14), rng.integers(0, 8), rng.integers(0, 10)
     objects = [(Rectangle(0.8, 0.6), Pose(*rng.uniform(0.5, 7.5, 2), rng.uniform(-3, 3))) for _ in range(tables)]

@@ -24,7 +24,7 @@ from ...core.barrier_grid import (
 )
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Floats, Floats2, Ints, Ints2, unpack, zeros
-from ...core.compiled.scalar import END_X, RADIUS, START_X, length, towards
+from ...core.compiled.scalar import END_X, RADIUS, START_X, is_inside, length, towards
 from ...core.geometry import Barriers, inside_polygon
 from ...core.humans import X, Y
 from ...core.portable_math import Array, BoolArray
@@ -84,8 +84,8 @@ def find_passages(scene: Scene) -> Passages:
     narrow = np.zeros((4 * len(scene.barriers), 5))
     narrow = narrow[: _find_ends(solids.argument, narrow)]
     ends = np.ascontiguousarray(narrow[inside_polygon(narrow[:, :2], scene.outline)])
-    frame = np.zeros((len(ends), 8))
-    frame = frame[: _find_frames(solids.argument, np.array(scene.outline), ends, frame)].copy()
+    outline, frame = np.hstack((scene.outline, np.roll(scene.outline, -1, axis=0))), np.zeros((len(ends), 8))
+    frame = frame[: _find_frames(solids.argument, outline, ends, frame)].copy()
     half = frame[:, _UX : _UY + 1] * frame[:, _HALF_WIDTH : _HALF_WIDTH + 1]
     gates = zip((frame[:, :2] - half).tolist(), (frame[:, :2] + half).tolist(), strict=True)
     shape = len(scene.humans), _MOST_WAYS
@@ -138,7 +138,7 @@ def _find_frames(packed_solids: Any, outline: Array, ends: Array, frame: Array) 
 
     Args:
         packed_solids: walls and furniture.
-        outline: (K, 2), of the room, m.
+        outline: (K, 4), start and end of the edges of the room, m.
         ends: (E, 5), see `_find_ends`.
         frame: (E, 8), is filled, see `Passages.frame`.
 
@@ -201,7 +201,7 @@ def _side_with_room(solids: Solids, outline: Array, row: Array, ahead: float) ->
 
     Args:
         solids: walls and furniture.
-        outline: (K, 2), of the room, m.
+        outline: (K, 4), start and end of the edges of the room, m.
         row: of `Passages.frame`.
         ahead: of the place from the middle of the passage, m, positive to the left of the unit vector.
     """
@@ -218,15 +218,7 @@ def _side_with_room(solids: Solids, outline: Array, row: Array, ahead: float) ->
 @subroutine
 def _has_room(solids: Solids, outline: Array, x: float, y: float) -> bool:
     """Whether a point in the room has a free circle around it."""
-    if is_within(solids, x, y, _ROOM):
-        return False
-    is_odd = False
-    for k in range(len(outline)):
-        ax, ay = outline[k, 0], outline[k, 1]
-        bx, by = outline[(k + 1) % len(outline), 0], outline[(k + 1) % len(outline), 1]
-        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
-            is_odd = not is_odd
-    return is_odd
+    return not is_within(solids, x, y, _ROOM) and is_inside(outline, x, y)
 
 
 @subroutine
@@ -343,7 +335,7 @@ def _in_frame(passages: Passages, g: int, x: float, y: float) -> tuple[float, fl
 
 @subroutine
 def _choose_holders(passages: Passages, dt: float) -> None:
-    """Keep the rights of way, or give them to the directions whose first walkers are nearest."""
+    """Update the right of way of each passage: it is kept, or goes to the direction with the nearest walker."""
     count = len(passages.holder)
     # Distance of the nearest walker of each direction, and the direction of the nearer one.
     left, right, first = np.full(count, math.inf), np.full(count, math.inf), np.zeros(count, np.int64)

@@ -186,10 +186,16 @@ def is_inside(edges: Array, x: float, y: float) -> bool:
     """
     is_odd = False
     for k in range(len(edges)):
-        ax, ay, bx, by = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
-        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+        if meets_ray(edges, k, x, y):
             is_odd = not is_odd
     return is_odd
+
+
+@subroutine
+def meets_ray(edges: Array, k: int, x: float, y: float) -> bool:
+    """Whether edge k, a row of `is_inside`, meets the ray from a point in the direction of x."""
+    ax, ay, bx, by = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
+    return bool((ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay))
 
 
 @subroutine
