@@ -10,7 +10,7 @@ import pytest
 
 from sonata2d.core.barrier_grid import Solids, solids_of
 from sonata2d.core.compiled.kernel import kernel
-from sonata2d.core.compiled.packing import pack, unpack
+from sonata2d.core.compiled.packing import Packed, pack, unpack
 from sonata2d.core.geometry import Barriers
 from sonata2d.core.portable_math import Array
 from sonata2d.sim.kernel.rules import CONTACT_DISTANCE, GUARD, HOLONOMIC, HUMAN_RANGE, OWN_SPEED, ROBOT_RADIUS, TICK
@@ -32,11 +32,11 @@ class Situation(NamedTuple):
     rules: Array
 
 
-def solids(case: Situation) -> Any:
-    """Its walls, packed."""
+def solids(case: Situation) -> Packed[Solids]:
+    """Its walls; the caller keeps them while a kernel reads them."""
     table = case.barriers
     ends = zip(table[:, :2].tolist(), table[:, 2:4].tolist(), table[:, 4].tolist(), strict=True)
-    return pack(solids_of(Barriers.of([((ax, ay), (bx, by), radius) for (ax, ay), (bx, by), radius in ends])))
+    return Packed(solids_of(Barriers.of([((ax, ay), (bx, by), radius) for (ax, ay), (bx, by), radius in ends])))
 
 
 @kernel
@@ -94,17 +94,19 @@ def situation(
 
 def near(case: Situation) -> tuple[list[int], list[int]]:
     """The people and the walls that are near, after all contacts are cleared."""
-    found_near(pack(case.guard), case.bodies, solids(case), case.rules)
+    walls = solids(case)
+    found_near(pack(case.guard), case.bodies, walls.argument, case.rules)
     assert not case.guard.human_contact.any() | case.guard.barrier_contact.any() | case.guard.counts[2]
-    people, walls, _ = case.guard.counts.tolist()
+    people, barriers, _ = case.guard.counts.tolist()
     found = case.guard.near.tolist()
-    return found[:people], found[people : people + walls]
+    return found[:people], found[people : people + barriers]
 
 
 def drive(case: Situation, vx: float, vy: float) -> tuple[Array, float, bool]:
     """Velocity, push and whether the guard reduced it, for a wanted velocity."""
     near(case)
-    velocity, push, is_reduced = reduced(pack(case.guard), vx, vy, case.bodies, solids(case), case.rules, H)
+    walls = solids(case)
+    velocity, push, is_reduced = reduced(pack(case.guard), vx, vy, case.bodies, walls.argument, case.rules, H)
     return np.array(velocity), push, is_reduced
 
 
