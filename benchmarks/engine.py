@@ -12,11 +12,12 @@ from unittest.mock import patch
 from pymunk._chipmunk_cffi import lib
 
 import sonata2d as s2
+from sonata2d.agents.pedestrians.crowd import Crowd
 from sonata2d.sim import world
 from sonata2d.sim.kernel import chipmunk, step
 
 FRAMES = 200  # of an episode
-_KERNELS = ("advance", "read_state")
+_KERNELS = ("advance", "read_state", "begin", "track", "enter_and_leave")
 
 
 def crowded_room(people: int, model: str = "sonata2026") -> s2.ScenarioConfig:
@@ -79,6 +80,7 @@ def engine_steps(work: Callable[[], Any], *, through_pymunk: bool = False) -> li
     interpreted = {name: getattr(getattr(step, name), "py_func", getattr(step, name)) for name in _KERNELS}
     step_address = next(iter(chipmunk._KINDS))  # of the first function of the handle
     with (
+        patch.object(Crowd, "is_compiled", False),  # physics apart from the decisions
         patch.object(world, "EngineMemory", Memory),
         patch.multiple(world, Packed=Unpacked, **interpreted),
         patch.multiple(step, unpack=lambda value, kind: value),

@@ -14,7 +14,7 @@ import orjson
 import pytest
 
 from sonata2d.agents.controllers.planner import SocialPlanner
-from sonata2d.agents.controllers.reactive import Orca
+from sonata2d.agents.controllers.reactive import Orca, StraightToGoal
 from sonata2d.record.layout import scene_to_json
 from sonata2d.record.recorder import EpisodeRecorder
 from sonata2d.scenegen.generator import generate
@@ -59,15 +59,15 @@ def episode_digest(name: str) -> str:
     return hashlib.sha256(orjson.dumps(orjson.loads(recorder.document())["frames"])).hexdigest()
 
 
-COUNTED = {"contacts": ("lively", 1), "commands_beyond_limits": ("waiting-room", 2)}
+COUNTED = {"contacts": ("lively", 1, StraightToGoal), "commands_beyond_limits": ("waiting-room", 2, Orca)}
 
 
 def counts() -> dict[str, Any]:
-    """Counts of runs in their manifest rows, with the controller `orca`."""
+    """Counts of runs in their manifest rows."""
     found = {}
-    for key, scene in COUNTED.items():
+    for key, (name, seed, controller) in COUNTED.items():
         recorder = EpisodeRecorder()
-        Episode(generate(*scene), Orca(), observers=[recorder]).run()
+        Episode(generate(name, seed), controller(), observers=[recorder]).run()
         found[key] = recorder.record().counts()[key]
     return found
 

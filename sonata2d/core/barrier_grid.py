@@ -10,8 +10,11 @@ import numpy as np
 from .compiled.kernel import kernel, subroutine
 from .compiled.packing import Floats2, Ints, Packed, unpack
 from .compiled.scalar import (
+    ALONG_X,
+    ALONG_Y,
     END_X,
     END_Y,
+    INVERSE,
     RADIUS,
     START_X,
     START_Y,
@@ -29,6 +32,7 @@ from .portable_math import Array, IntArray
 _SMALLEST_CELL = 1.0  # m
 _FEW = 8  # barriers that need no more than one cell
 _MOST_CELLS = 4096  # in each direction
+_CHANGEABLE_CELL, _MOST_CELLS_OF_ONE = 2.0, 16  # m; and cells of each of these barriers, which are shorter than 6 m
 _SLACK = 1e-6  # m, by which cells list more than they contain, against rounding
 
 
@@ -57,10 +61,12 @@ class Solids(NamedTuple):
 
     Attributes:
         table: (M, 8), rows of `Barriers.table`.
+        used: (1,) of int, how many of the rows are used.
         grid: its items are rows of the table.
     """
 
     table: Floats2
+    used: Ints
     grid: Grid
 
 
@@ -84,10 +90,27 @@ def _with_grid(table: Array) -> Solids:
     west, south, cell, columns, rows = _shape(table)
     first = np.zeros(columns * rows + 1, dtype=np.int64)
     grid = Grid(west, south, cell, columns, rows, first, np.empty(0, dtype=np.int64))
-    fill_grid(table, *grid[:5], first, grid.item)
+    _fill(table, *grid[:5], first, grid.item)
     grid = grid._replace(item=np.empty(int(first[-1]), dtype=np.int64))
-    fill_grid(table, *grid[:5], first, grid.item)
-    return Solids(table, grid)
+    _fill(table, *grid[:5], first, grid.item)
+    return Solids(table, np.array([len(table)]), grid)
+
+
+def changeable_solids(around: Solids, capacity: int) -> Solids:
+    """Space for barriers that kernels set, see `set_barrier` and `fill_grid`; at first there are none.
+
+    Args:
+        around: barriers of the same room, whose area the grid covers.
+        capacity: largest number of barriers.
+    """
+    grid = around.grid
+    width, depth = grid.columns * grid.cell, grid.rows * grid.cell
+    cell = max(math.sqrt(width * depth / max(capacity, 1)), _CHANGEABLE_CELL)
+    columns, rows = int(width / cell) + 1, int(depth / cell) + 1
+    first, item = np.zeros(columns * rows + 1, dtype=np.int64), np.zeros(_MOST_CELLS_OF_ONE * capacity, dtype=np.int64)
+    return Solids(
+        np.zeros((capacity, 8)), np.zeros(1, np.int64), Grid(grid.west, grid.south, cell, columns, rows, first, item)
+    )
 
 
 @kernel
@@ -120,18 +143,33 @@ def _high(table: Array, k: int, axis: int) -> float:
 
 
 @kernel
-def fill_grid(
+def _fill(
     table: Array, west: float, south: float, cell: float, columns: int, rows: int, first: IntArray, item: IntArray
 ) -> None:
+    """`fill_grid` of all barriers of a table, (M, 8), with the fields of a `Grid`."""
+    fill_grid(table, len(table), Grid(west, south, cell, columns, rows, first, item))
+
+
+@subroutine
+def set_barrier(table: Array, k: int, x: float, y: float, end_x: float, end_y: float, radius: float) -> None:
+    """Set row k of a `Barriers.table`."""
+    table[k, START_X], table[k, START_Y], table[k, END_X], table[k, END_Y] = x, y, end_x, end_y
+    table[k, RADIUS], table[k, ALONG_X], table[k, ALONG_Y] = radius, end_x - x, end_y - y
+    table[k, INVERSE] = inverse_square(end_x - x, end_y - y)
+
+
+@subroutine
+def fill_grid(table: Array, count: int, grid: Grid) -> None:
     """Fill `Grid.first`, and `Grid.item` if it is long enough.
 
     Args:
-        table: (M, 8).
-        west, south, cell, columns, rows, first, item: fields of a `Grid`.
+        table: (M, 8), rows of `Barriers.table`.
+        count: of rows that are used.
+        grid: of them.
     """
-    grid = Grid(west, south, cell, columns, rows, first, item)
+    first, item, columns, rows = grid.first, grid.item, grid.columns, grid.rows
     first[:] = 0
-    for k in range(len(table)):
+    for k in range(count):
         for place in range(_first_column(grid, table, k), _last_column(grid, table, k) + 1):
             low, high = _rows_of(grid, table, k, place)
             for row in range(low, high + 1):
@@ -141,7 +179,7 @@ def fill_grid(
     if first[columns * rows] > len(item):
         return
     following = first.copy()
-    for k in range(len(table)):
+    for k in range(count):
         for place in range(_first_column(grid, table, k), _last_column(grid, table, k) + 1):
             low, high = _rows_of(grid, table, k, place)
             for row in range(low, high + 1):
@@ -203,7 +241,7 @@ def is_blocked(
 ) -> bool:
     """Whether a barrier is nearer to a straight line than the clearance less the tolerance, m."""
     table, grid = solids.table, solids.grid
-    if len(table) == 0:
+    if solids.used[0] == 0:
         return False
     first, last = column_of(grid, min(x, end_x) - clearance), column_of(grid, max(x, end_x) + clearance)
     for column in range(first, last + 1):
@@ -246,7 +284,7 @@ def is_near_line(solids: Solids, minimum: float, x: float, y: float, end_x: floa
     Faster than `is_blocked`: only the ends of the barrier, and crossings, need a test.
     """
     table, grid = solids.table, solids.grid
-    if len(table) == 0:
+    if solids.used[0] == 0:
         return False
     along_x, along_y = end_x - x, end_y - y
     inverse = inverse_square(along_x, along_y)

@@ -41,7 +41,8 @@ class Space(NamedTuple):
         solids: barriers that stay, such as walls and furniture.
         added: further barriers.
         borders: of the outline and of the solid objects among `solids`.
-        holes: (B, 4), start and end of the edges of the solid objects among `added`, m.
+        holes: (B, 4), start and end of the edges of the solid objects among `added`, m; as many as `hole_count`.
+        hole_count: (1,) of int.
         clearance: m.
     """
 
@@ -49,6 +50,7 @@ class Space(NamedTuple):
     added: Solids
     borders: Borders
     holes: Floats2
+    hole_count: Ints
     clearance: float
 
 
@@ -149,7 +151,26 @@ def is_free(space: Space, x: float, y: float) -> bool:
     minimum = space.clearance - TOLERANCE
     if is_within(space.solids, x, y, minimum) or is_within(space.added, x, y, minimum):
         return False
-    return _is_in_room(space.borders, x, y) and not is_inside(space.holes, x, y)
+    return _is_in_room(space.borders, x, y) and not is_in_hole(space, x, y)
+
+
+@subroutine
+def is_in_hole(space: Space, x: float, y: float) -> bool:
+    """Whether a point lies in one of the solid objects among the added barriers."""
+    return space.hole_count[0] > 0 and is_inside(space.holes[: space.hole_count[0]], x, y)
+
+
+@kernel
+def check_place(packed_space: Any, x: float, y: float, end_x: float, end_y: float) -> bool:
+    """`FreeSpace.is_open` in a packed `Space`: whether the end is free, and the straight line there is clear."""
+    space = unpack(packed_space, Space)
+    return is_free(space, end_x, end_y) and is_clear(space, x, y, end_x, end_y)
+
+
+@kernel
+def check_line(packed_space: Any, x: float, y: float, end_x: float, end_y: float) -> bool:
+    """`is_clear` in a packed `Space`."""
+    return is_clear(unpack(packed_space, Space), x, y, end_x, end_y)
 
 
 @kernel

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .barrier_grid import Solids, solids_of
+from .compiled.calls import FLOAT, INT, INTS, PACKED, address_of
 from .compiled.packing import Packed
-from .free_space import Borders, Space, check_lines, check_point, check_points, find_borders, index_borders
+from .free_space import Borders, Space, check_lines, check_place, check_point, check_points, find_borders, index_borders
 from .geometry import Barriers, Point
 from .path_search import find_path
 from .portable_math import Array, BoolArray, IntArray
 from .vectors import X, Y
-from .visibility import MOST_POINTS, NODE_SIZE, Graph, find_all_rows, find_nodes, index_nodes
+from .visibility import MOST_POINTS, NODE_SIZE, Graph, complete, find_all_rows, find_nodes, find_row, index_nodes
 
 _LONGEST_ROW = 512  # nodes visible from one node that are kept
 _MANY = 100  # nodes
@@ -40,6 +41,15 @@ class FloorPlan(NamedTuple):
     visible: NDArray[np.int32]
     component: IntArray
 
+    def graph(self, capacity: int) -> Graph:
+        """The visibility graph, with space for the nodes around a number of added barriers."""
+        return Graph(
+            self.origins, self.nodes, self.first, self.item, self.visible, self.component,
+            np.empty((2 * MOST_POINTS * capacity, NODE_SIZE)), np.zeros(len(self.nodes), dtype=bool), np.full(1, -1),
+            address_of(find_row, PACKED, PACKED, INT, FLOAT, FLOAT, INTS),
+            address_of(complete, PACKED, PACKED),
+        )  # fmt: skip
+
 
 _floor_plans: OrderedDict[tuple[bytes, bytes, float], FloorPlan] = OrderedDict()  # those used last are at the end
 
@@ -61,7 +71,7 @@ def _new_floor_plan(outline: Array, barriers: Barriers, clearance: float) -> Flo
     solids, edges = solids_of(barriers), find_borders(barriers.table, _rows(outline))
     borders = Borders(np.ascontiguousarray(edges), *index_borders(edges))
     nothing = solids_of(_NOTHING)
-    space = Packed(Space(solids, nothing, borders, np.empty((0, 4)), clearance))
+    space = Packed(Space(solids, nothing, borders, np.empty((0, 4)), np.zeros(1, np.int64), clearance))
     origins, nodes = find_nodes(space.argument)
     first, item = index_nodes(Packed(solids).argument, nodes)
     visible = np.zeros((len(nodes), min(len(nodes) + 1, _LONGEST_ROW)), dtype=np.int32)
@@ -75,6 +85,12 @@ def _new_floor_plan(outline: Array, barriers: Barriers, clearance: float) -> Flo
         visible,
         np.zeros(len(nodes), dtype=np.int64),
     )
+
+
+def find_edges(plan: FloorPlan, packed_space: Any, packed_graph: Any) -> None:
+    """Find all edges of the visibility graph of a floor plan, if they are many and not known."""
+    if len(plan.nodes) > _MANY and plan.component[0] == 0:
+        find_all_rows(packed_space, packed_graph)
 
 
 class FreeSpace:
@@ -111,14 +127,10 @@ class FreeSpace:
         self.outline, self.barriers, self.added, self.clearance = outline, barriers, added, float(clearance)
         self._plan = floor_plan(outline, barriers, self.clearance) if plan is None else plan
         plan, holes = self._plan, find_borders(added.table, np.empty((0, 2)))
-        self._space = Packed(Space(plan.solids, solids_of(added), plan.borders, holes, self.clearance))
-        count = MOST_POINTS * 2 * len(added)
-        self._graph = Packed(
-            Graph(
-                plan.origins, plan.nodes, plan.first, plan.item, plan.visible, plan.component,
-                np.empty((count, NODE_SIZE)), np.zeros(len(plan.nodes), dtype=bool), np.full(1, -1),
-            )
-        )  # fmt: skip
+        self._space = Packed(
+            Space(plan.solids, solids_of(added), plan.borders, holes, np.array([len(holes)]), self.clearance)
+        )
+        self._graph = Packed(plan.graph(len(added)))
 
     @property
     def for_kernels(self) -> Space:
@@ -127,8 +139,7 @@ class FreeSpace:
 
     def find_edges(self) -> None:
         """Find all edges of the visibility graph now, rather than when paths need them, if they are many."""
-        if len(self._plan.nodes) > _MANY and self._plan.component[0] == 0:
-            find_all_rows(self._space.argument, self._graph.argument)
+        find_edges(self._plan, self._space.argument, self._graph.argument)
 
     def with_added(self, added: Barriers) -> FreeSpace:
         """The same space with other added obstacles."""
@@ -152,9 +163,8 @@ class FreeSpace:
 
     def is_open(self, start: Point, end: Point) -> bool:
         """Whether the disc can be at the end, and move straight there from the start; m."""
-        if not self.is_free_at(end):
-            return False
-        return bool(self.is_clear(np.array([start], dtype=float), np.array([end], dtype=float))[0])
+        ends = float(start[X]), float(start[Y]), float(end[X]), float(end[Y])
+        return bool(check_place(self._space.argument, *ends))
 
     def path(self, start: Point, goal: Point) -> Array | None:
         """The shortest path.
@@ -183,10 +193,10 @@ class FreeSpace:
         """Length of the shortest path, m, and its points, (K, 2); infinite and (0, 2) without a path."""
         ends, size = (float(start[X]), float(start[Y]), float(goal[X]), float(goal[Y])), 32
         while True:
-            route = np.empty((size, 2))
-            count, length = find_path(self._space.argument, self._graph.argument, *ends, route)
+            route, length = np.empty((size, 2)), np.empty(1)
+            count = find_path(self._space.argument, self._graph.argument, *ends, route, length)
             if count <= size:
-                return length, route[:count]
+                return float(length[0]), route[:count]
             size = count
 
 

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from .barrier_grid import is_near_line
+from .compiled.calls import call, call_for_int
 from .compiled.kernel import kernel, subroutine
 from .compiled.packing import unpack
 from .compiled.scalar import length
 from .free_space import TOLERANCE, Space, is_clear, is_free, is_open, is_separated, push
 from .portable_math import Array, BoolArray, IntArray
 from .vectors import X, Y
-from .visibility import Graph, complete, is_node, node, visible_row
+from .visibility import Graph, is_node, node
 
 _LONG = 32  # nodes; a longer search also looks from the end, which may lie in a small closed space
 _TOO_LONG = 128  # nodes; one that is even longer only loses time by this
@@ -24,32 +25,35 @@ _MAX_PUSHES = 8  # attempts to reach a free position by moving off the nearest b
 
 @kernel
 def find_path(
-    packed_space: Any, packed_graph: Any, start_x: float, start_y: float, goal_x: float, goal_y: float, route: Array
-) -> tuple[int, float]:
+    packed_space: Any, packed_graph: Any, start_x: float, start_y: float, goal_x: float, goal_y: float, route: Array,
+    size: Array,
+) -> int:  # fmt: skip
     """The shortest path from a start to a goal.
 
     Args:
         packed_space, packed_graph: packed `Space` and `Graph`.
         start_x, start_y, goal_x, goal_y: m.
         route: (R, 2), output: points of the path, m.
+        size: (1,), output: length of the path, m; infinite without a path.
 
     Returns:
-        Number of points of the route, and length of the path, m; 0 and infinite if there is no path. A number larger
-        than R if the route is too short for them.
+        Number of points of the route; 0 if there is no path. A number larger than R if the route is too short for them.
     """
     space, graph = unpack(packed_space, Space), unpack(packed_graph, Graph)
+    size[0] = math.inf
     has_end, end_x, end_y = _nearest_free(space, graph, goal_x, goal_y)
     has_start, x, y = _nearest_free(space, graph, start_x, start_y)
     if not has_start or not has_end:
-        return 0, math.inf
+        return 0
     shortest, count = length(end_x - x, end_y - y), 0
     if not is_clear(space, x, y, end_x, end_y):
-        complete(space, graph)
+        call(graph.complete, (space, graph))
         shortest, count = _search(space, graph, x, y, end_x, end_y, route)
         if shortest == math.inf:
-            return 0, math.inf
+            return 0
+    size[0] = shortest + length(x - start_x, y - start_y)
     if count + 4 > len(route):
-        return count + 4, shortest
+        return count + 4
     route[0, X], route[0, Y], route[1, X], route[1, Y] = start_x, start_y, x, y
     count += 2
     route[count, X], route[count, Y], route[count + 1, X], route[count + 1, Y] = end_x, end_y, goal_x, goal_y
@@ -58,7 +62,7 @@ def find_path(
         if route[k, X] != route[k - 1, X] or route[k, Y] != route[k - 1, Y]:
             route[kept, X], route[kept, Y] = route[k, X], route[k, Y]
             kept += 1
-    return kept, shortest + length(x - start_x, y - start_y)
+    return kept
 
 
 @subroutine
@@ -74,7 +78,7 @@ def _nearest_free(space: Space, graph: Graph, x: float, y: float) -> tuple[bool,
             return k == 0 or not is_separated(space, x, y, free_x, free_y), free_x, free_y
         push_x, push_y = push(space, free_x, free_y)
         free_x, free_y = free_x + push_x, free_y + push_y
-    complete(space, graph)
+    call(graph.complete, (space, graph))
     is_found, nearest = False, math.inf
     for i in range(len(graph.nodes) + graph.added_count[0]):
         if is_node(graph, i):
@@ -86,8 +90,20 @@ def _nearest_free(space: Space, graph: Graph, x: float, y: float) -> tuple[bool,
 
 
 @subroutine
+def _row(space: Space, graph: Graph, i: int, x: float, y: float, found: IntArray) -> int:
+    """`visible_row`, which is called in several places and compiled once."""
+    return int(call_for_int(graph.find_row, (space, graph, i, x, y, found)))
+
+
+@subroutine
 def _search(
-    space: Space, graph: Graph, x: float, y: float, end_x: float, end_y: float, route: Array
+    space: Space,
+    graph: Graph,
+    x: float,
+    y: float,
+    end_x: float,
+    end_y: float,
+    route: Array,
 ) -> tuple[float, int]:
     """The shortest path over nodes by A*: its length, m, infinite without a path, and their number; fills the route.
 
@@ -125,7 +141,7 @@ def _search(
             if j == end:
                 return travelled, _trace(graph, previous, previous[end], route)
             is_connected |= is_seen[j]
-        visible = visible_row(space, graph, j, node_x, node_y, found)
+        visible = _row(space, graph, j, node_x, node_y, found)
         for n in range(visible + end - fixed + 1):
             # nodes around solids that are in view, then all other ones, then the end
             k = found[n] if n < visible else fixed + n - visible
@@ -154,7 +170,14 @@ def _search(
 
 @subroutine
 def _is_connected(
-    space: Space, graph: Graph, x: float, y: float, end_x: float, end_y: float, sees_end: BoolArray, found: IntArray
+    space: Space,
+    graph: Graph,
+    x: float,
+    y: float,
+    end_x: float,
+    end_y: float,
+    sees_end: BoolArray,
+    found: IntArray,
 ) -> bool:
     """Whether start and end see nodes of one component of the graph; nodes that see the end are marked.
 
@@ -165,9 +188,9 @@ def _is_connected(
         found: (n,) of int, scratch.
     """
     has_end = np.zeros(len(graph.nodes) + 1, dtype=np.bool_)  # by component
-    for n in range(visible_row(space, graph, -1, end_x, end_y, found)):
+    for n in range(_row(space, graph, -1, end_x, end_y, found)):
         sees_end[found[n]] = has_end[graph.component[found[n]]] = True
-    for n in range(visible_row(space, graph, -1, x, y, found)):
+    for n in range(_row(space, graph, -1, x, y, found)):
         if has_end[graph.component[found[n]]]:
             return True
     return False
@@ -182,7 +205,7 @@ def _look_back(
     fixed, end = len(graph.nodes), len(is_seen) - 1
     _, i = heapq.heappop(waiting)
     node_x, node_y = (end_x, end_y) if i == end else node(graph, i)
-    visible, is_connected = visible_row(space, graph, -1 if i == end else i, node_x, node_y, found), False
+    visible, is_connected = _row(space, graph, -1 if i == end else i, node_x, node_y, found), False
     for n in range(visible + end - fixed):
         k = found[n] if n < visible else fixed + n - visible
         if is_seen[k] or (k < fixed and graph.is_covered[k]):

@@ -141,6 +141,13 @@ def _entropy(seed: int, key: tuple[int, ...]) -> Any:
         return np.random.SeedSequence(seed, spawn_key=key)
 
 
+def stream_key(seed: int, episode: int, name: StreamName) -> tuple[int, int]:
+    """Two words of 32 bits that differ between seeds, episodes and names of streams."""
+    sequence = np.random.SeedSequence(seed, spawn_key=(episode, _STREAM_NAMES.index(name)))
+    first, second = sequence.generate_state(2).tolist()
+    return first, second
+
+
 class AgentStreams:
     """The random streams of one name of all agents of an episode; each is created when it is first used.
 

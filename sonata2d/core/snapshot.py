@@ -14,7 +14,7 @@ from .drawable import Drawable
 from .entities import Furniture, Goal, Interaction, Robot, Wall
 from .geometry import Point, Pose, Twist
 from .humans import BODY_X, BODY_Y, GAZE_Y, OMEGA, VX, VY, Humans, X, Y, activities_of_present, frozen
-from .portable_math import Array, IntArray, angle_of, unit_vector
+from .portable_math import Array, BoolArray, IntArray, angle_of, unit_vector
 from .scene import Scene, initial_activities
 from .state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED, ROBOT_SIZE, State
 from .wording import counted
@@ -229,9 +229,10 @@ class CrowdCommands(NamedTuple):
         refresh: for a pedestrian model so stiff that it must be evaluated several times in a tick: computes the (N, 2)
             accelerations, m/s^2, from the current (N + 1, 4) rows x, y, vx, vy with the robot last. Else None.
         evaluations: number of evaluations of the model in a tick.
-        leaving: rows of pedestrians that have reached the goal or the door at which they leave the scene.
-        seats: pairs of a pedestrian's row and the index in `scene.furniture` of the seat that it sits on, sits down on
-            or gets up from: the two do not collide.
+        leaving: (N,) of bool, pedestrians that have reached the goal or the door at which they leave the scene; None:
+            nobody.
+        seats: (N,) of int, index in `scene.furniture` of the seat that a pedestrian sits on, sits down on or gets up
+            from, since the two do not collide; -1 for none. None: as before.
     """
 
     acceleration: Array
@@ -241,8 +242,8 @@ class CrowdCommands(NamedTuple):
     interactions: tuple[Interaction, ...]
     refresh: Callable[[Array], Array] | None = None
     evaluations: int = 1
-    leaving: tuple[int, ...] = ()
-    seats: tuple[tuple[int, int], ...] = ()
+    leaving: BoolArray | None = None
+    seats: IntArray | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .barrier_grid import Grid, Solids, column_of, is_near_line, row_of
+from .compiled.calls import call_for_int
 from .compiled.kernel import kernel, subroutine
 from .compiled.packing import Bools, Floats2, Ints, ShortInts2, unpack
-from .compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, Vector, is_inside, length, towards
-from .free_space import TOLERANCE, Space, is_free
+from .compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, Vector, length, towards
+from .free_space import TOLERANCE, Space, is_free, is_in_hole
 from .portable_math import PI, TAN_PI_8, Array, BoolArray, IntArray, unit_vectors
 from .vectors import X, Y
 
@@ -59,6 +60,7 @@ class Graph(NamedTuple):
             not free any more; free of all barriers; as many as `added_count`.
         is_covered: (n,) of bool, nodes that are not free of `Space.added`.
         added_count: (1,) of int, -1 before the last two are filled.
+        find_row, complete: addresses of the kernels of these names.
     """
 
     origins: Floats2
@@ -70,6 +72,8 @@ class Graph(NamedTuple):
     added_nodes: Floats2
     is_covered: Bools
     added_count: Ints
+    find_row: Ints
+    complete: Ints
 
 
 @kernel
@@ -103,17 +107,18 @@ def _cell(grid: Grid, x: float, y: float) -> int:
     return column_of(grid, x) * grid.rows + row_of(grid, y)
 
 
-@subroutine
-def complete(space: Space, graph: Graph) -> None:
+@kernel
+def complete(packed_space: Any, packed_graph: Any) -> None:
     """Fill what depends on added barriers, if that was not done before."""
+    space, graph = unpack(packed_space, Space), unpack(packed_graph, Graph)
     if graph.added_count[0] >= 0:
         return
     added, grid = space.added, space.solids.grid
     graph.added_count[0] = 0
-    if len(added.table) == 0:
+    if added.used[0] == 0:
         return
     minimum = space.clearance - TOLERANCE
-    for k in range(len(added.table)):
+    for k in range(added.used[0]):
         reach = minimum + added.table[k, RADIUS]
         ax, ay, bx, by = added.table[k, START_X], added.table[k, START_Y], added.table[k, END_X], added.table[k, END_Y]
         low, high = row_of(grid, min(ay, by) - reach), row_of(grid, max(ay, by) + reach)
@@ -123,9 +128,9 @@ def complete(space: Space, graph: Graph) -> None:
                 dx, dy = towards(added.table, k, graph.nodes[i, X], graph.nodes[i, Y])
                 if dx * dx + dy * dy < reach * reach:
                     graph.is_covered[i] = True
-    if len(space.holes) > 0:
+    if space.hole_count[0] > 0:
         for i in range(len(graph.nodes)):
-            if is_inside(space.holes, graph.nodes[i, X], graph.nodes[i, Y]):
+            if is_in_hole(space, graph.nodes[i, X], graph.nodes[i, Y]):
                 graph.is_covered[i] = True
     around = _origins(added, space.clearance + MARGIN)
     # Around other obstacles, closer polygons take the place of wide ones that do not fit any more.
@@ -210,9 +215,9 @@ def _origins(solids: Solids, offset: float) -> Array:
         (C, 8): position, m; direction to which the barrier ends (unit vector); radius of the barrier and offset, m;
         kind; for corners, the factors by which the points lie farther ahead and aside.
     """
-    table = solids.table
-    origins, count = np.empty((2 * len(table), 8)), 0
-    for k in range(len(table)):
+    table, barriers = solids.table, solids.used[0]
+    origins, count = np.empty((2 * barriers, 8)), 0
+    for k in range(barriers):
         if not _has_length(table, k):
             origins[count, X], origins[count, Y] = table[k, START_X], table[k, START_Y]
             origins[count, _AHEAD_X], origins[count, _AHEAD_Y] = 1.0, 0.0
@@ -220,7 +225,7 @@ def _origins(solids: Solids, offset: float) -> Array:
             origins[count, _MITRE], origins[count, _CUT] = 1.0, 1.0
             count += 1
     for side in range(2):
-        for k in range(len(table)):
+        for k in range(barriers):
             if not _has_length(table, k):
                 continue
             partner, partner_side, meeting = _meeting_end(solids, k, side)
@@ -453,9 +458,15 @@ def _known_row(graph: Graph, i: int) -> int:
 
 
 @kernel
+def find_row(packed_space: Any, packed_graph: Any, i: int, x: float, y: float, found: IntArray) -> int:
+    """`visible_row` in a packed `Space` and `Graph`."""
+    return visible_row(unpack(packed_space, Space), unpack(packed_graph, Graph), i, x, y, found)
+
+
+@kernel
 def find_all_rows(packed_space: Any, packed_graph: Any) -> None:
     """Fill all rows of `Graph.visible` that are not known yet, and `Graph.component`."""
-    space, graph = unpack(packed_space, Space), unpack(packed_graph, Graph)
+    graph = unpack(packed_graph, Graph)
     found, waiting = np.empty(len(graph.nodes), dtype=np.int64), np.empty(len(graph.nodes), dtype=np.int64)
     component, number = np.zeros(len(graph.nodes), dtype=np.int64), 0
     for k in range(len(graph.nodes)):
@@ -465,7 +476,8 @@ def find_all_rows(packed_space: Any, packed_graph: Any) -> None:
         component[k], waiting[0], first, last = number, k, 0, 1
         while first < last:
             i = waiting[first]
-            for n in range(visible_row(space, graph, i, graph.nodes[i, X], graph.nodes[i, Y], found)):
+            x, y = graph.nodes[i, X], graph.nodes[i, Y]
+            for n in range(call_for_int(graph.find_row, (packed_space, packed_graph, i, x, y, found))):
                 if component[found[n]] == 0:
                     component[found[n]], waiting[last] = number, found[n]
                     last += 1

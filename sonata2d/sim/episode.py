@@ -319,7 +319,10 @@ class Episode(Drawable):
         try:
             for observer in self.observers:
                 observer.on_frame(frame)
-            self._world.step(tick_input.command, self._crowd.act(snapshot), is_limited=True)
+            if self._crowd.is_compiled:
+                self._world.run_tick(tick_input.command, self._crowd)
+            else:
+                self._world.step(tick_input.command, self._crowd.act(snapshot), is_limited=True)
         except BaseException as error:
             interruption.reraise(error)
             self._close_after(error, snapshot)

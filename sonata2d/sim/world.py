@@ -11,27 +11,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pymunk
 
+from ..agents.pedestrians.crowd import Crowd
 from ..core.barrier_grid import solids_of
 from ..core.compiled.kernel import say_if_slow
-from ..core.compiled.packing import Packed
+from ..core.compiled.packing import Packed, pack
 from ..core.devices import DeviceEvent
 from ..core.entities import Furniture, Human
 from ..core.geometry import Disc, Edge, Point, Twist
-from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, activities_of_present, frozen
-from ..core.portable_math import Array
+from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, activities_of_present, frozen
+from ..core.portable_math import Array, IntArray
 from ..core.scene import Scene, initial_activities
 from ..core.snapshot import Contact, CrowdCommands, Snapshot
 from ..core.state import HUMAN_SIZE, ROBOT_SIZE, State
 from .kernel.chipmunk import EngineMemory
+from .kernel.presence import attendance_of
 from .kernel.rules import maximum_speeds, rules_of, walking_speeds
 from .kernel.safety import FASTEST_PERSON, OTHER_AT_FAULT, ROBOT_AT_FAULT, Guard
-from .kernel.step import DRIVE_SIZE, MASS, ROBOT_MASS, Buffers, advance, read_state
-from .presence import Presence
+from .kernel.step import DRIVE_SIZE, MASS, ROBOT_MASS, Buffers, advance, begin, enter_and_leave, read_state, track
+from .kernel.tick import DONE, LONGER_LISTS, run_tick, tick_calls
 
 OVERLAP_LEFT = 0.0  # fraction of an overlap after a substep; pymunk's 0.94 lets bodies that turn sink in too deep
 _CONTACT_ORDER = {"human": 0, "object": 1, "wall": 2}
@@ -48,6 +50,8 @@ class World:
 
     Attributes:
         tick: number of ticks since the start.
+        row: of the present `State`.
+        calls: packed `TickCalls`.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -63,26 +67,27 @@ class World:
         ]
         bodies.append(_body(scene.robot.pose.position, mass=ROBOT_MASS))
         space.add(*bodies, *torsos, pymunk.Circle(bodies[-1], scene.robot.radius))
-        self._row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count)  # as `State.row`
+        self.row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count)  # as `State.row`
         self._engine = EngineMemory(space, torsos, scene.human_table.shoulder.copy())
         self._buffers = Buffers(
             engine=self._engine.engine,
             guard=_guard(scene),
-            robot=self._row[:ROBOT_SIZE],
-            humans=self._row[ROBOT_SIZE:].reshape(count, HUMAN_SIZE),
+            robot=self.row[:ROBOT_SIZE],
+            humans=self.row[ROBOT_SIZE:].reshape(count, HUMAN_SIZE),
             posture=np.zeros((count, 3)),
             motion=np.array([*scene.robot.pose.position, 0.0, 0.0]),
             drive=np.zeros(DRIVE_SIZE),
             rules=rules_of(scene, FASTEST_PERSON),
             solids=solids_of(scene.barriers),
             acceleration=np.zeros((count, 2)),
-            is_absent=np.zeros(count, dtype=bool),
+            attendance=attendance_of(scene),
+            sits_on=np.full(count, -1),
             may_overlap=np.zeros(count, dtype=bool),
             maximum_speed=_speed_limits(scene),
             facing=np.zeros((count, 2)),
             gaze=np.zeros((count, 2)),
         )
-        self._packed = Packed(self._buffers)
+        self._packed, self.calls = Packed(self._buffers), pack(tick_calls())
         self._buffers.robot[BODY_X], self._buffers.robot[BODY_Y] = scene.robot.pose.direction
         for k, human in enumerate(scene.humans):
             self._face(k, human.pose.direction)
@@ -90,13 +95,11 @@ class World:
         self._activity = initial_activities(scene)
         self._interactions = scene.interactions
         self._substeps = rules.substeps
-        self._read_bodies()
+        read_state(self._packed.argument)
         self._check_order()
-        self._presence = Presence(scene, bodies[:-1], self._buffers.is_absent)
+        begin(self._packed.argument)
         self._bodies = bodies
-        self._seats: tuple[tuple[int, int], ...] = ()
-        self._set_seats(_seats_at_start(scene))
-        self._read_bodies()
+        self.set_seats(_seats_at_start(scene))
 
     def snapshot(self, events: tuple[DeviceEvent, ...] = ()) -> Snapshot:
         """The current state of the world, frozen.
@@ -104,14 +107,15 @@ class World:
         Args:
             events: of input devices since the last snapshot.
         """
-        row = self._row.copy()
+        row = self.row.copy()
         row.flags.writeable = False
         activity, interactions, is_present = self._activity, self._interactions, None
-        if not self._presence.all_present:
-            absent = self._presence.absent_ids
+        is_absent = self._buffers.attendance.is_absent
+        if is_absent.any():
+            absent = set(self.scene.human_table.id[is_absent].tolist())
             interactions = tuple(i for i in interactions if i.src not in absent and i.dst not in absent)
             activity = activities_of_present(activity, self.scene.human_table.id, interactions)
-            is_present = frozen(~self._presence.is_absent)
+            is_present = frozen(~is_absent)
         state = State(row, activity, is_present)
         return Snapshot.of_state(self.tick, self.scene, state, interactions, self._contacts(), events)
 
@@ -125,10 +129,10 @@ class World:
         """
         buffers = self._buffers
         buffers.facing[:], buffers.gaze[:] = crowd.facing, crowd.gaze
-        if crowd.seats != self._seats:
-            self._set_seats(crowd.seats)
-        if self._presence.has_recorded:
-            self._presence.follow_tracks(self.tick)
+        if crowd.seats is not None and not np.array_equal(crowd.seats, buffers.sits_on):
+            self.set_seats(crowd.seats)
+        if len(buffers.attendance.track):
+            track(self._packed.argument, self.tick)
         substeps = self._substeps
         interval = max(substeps // crowd.evaluations, 1) if crowd.refresh else substeps
         for first in range(0, substeps, interval):
@@ -138,8 +142,40 @@ class World:
             advance(self._packed.argument, float(twist.vx), float(twist.vy), float(twist.omega), is_limited, first, end)
         self._activity, self._interactions = crowd.activity, crowd.interactions
         self.tick += 1
-        if self._presence.can_change or crowd.leaving:
-            self._update_presence(crowd.leaving)
+        attendance, nobody = buffers.attendance, np.zeros(len(buffers.sits_on), dtype=bool)
+        attendance.is_changed[0] = False
+        if attendance.is_changed[1] or (crowd.leaving is not None and crowd.leaving.any()):
+            leaving = nobody if crowd.leaving is None else crowd.leaving
+            enter_and_leave(self._packed.argument, self.tick, leaving, nobody)
+
+    def run_tick(self, twist: Twist, crowd: Crowd) -> None:
+        """Let the pedestrians decide, and move the world by one tick, without the interpreter in between.
+
+        Args:
+            twist: of the robot's drive, body frame; limited to what the drive can reach within the tick.
+            crowd: whose pedestrian model is a kernel.
+        """
+        command, is_decided = (float(twist.vx), float(twist.vy), float(twist.omega)), False
+        while True:
+            need = run_tick(self._packed.argument, crowd.argument, self.calls, self.tick, *command, is_decided)
+            if need == DONE:
+                break
+            if need == LONGER_LISTS:
+                crowd.extend_lists()
+            else:
+                self.set_seats(crowd.state.tasks.sits_on)
+                is_decided = True
+        self.note(self.tick + 1, crowd)
+
+    def note(self, tick: int, crowd: Crowd) -> None:
+        """Take note that kernels have moved the world to a tick."""
+        crowd.read_company()
+        self.tick, self._activity, self._interactions = tick, crowd.activity, crowd.interactions
+
+    @property
+    def argument(self) -> Any:
+        """The state as kernels take it, packed `Buffers`."""
+        return self._packed.argument
 
     def _contacts(self) -> tuple[Contact, ...]:
         """Contacts of the last tick: humans, objects, walls, each by id."""
@@ -165,33 +201,22 @@ class World:
             for kind, id in sorted(faults, key=lambda key: (_CONTACT_ORDER[key[0]], key[1]))
         )
 
-    def _set_seats(self, seats: tuple[tuple[int, int], ...]) -> None:
+    def set_seats(self, seats: IntArray) -> None:
         """Let pedestrians collide with all seats but their own, which `CrowdCommands.seats` lists."""
-        seat_of = dict(seats)
-        for k in {k for k, _ in self._seats + seats}:
+        own = self._buffers.sits_on
+        for k in np.flatnonzero(seats != own).tolist():
             for shape in self._bodies[k].shapes:
-                shape.filter = pymunk.ShapeFilter(group=_seat_group(seat_of[k]) if k in seat_of else 0)
-        self._buffers.may_overlap[:] = [k in seat_of or _is_recorded(h) for k, h in enumerate(self.scene.humans)]
-        self._seats = seats
-
-    def _update_presence(self, leaving: tuple[int, ...]) -> None:
-        """Let pedestrians enter, at their initial headings, and leave."""
-        entered, left = self._presence.update(self.tick, leaving, self._buffers.engine.bodies)
-        for k in entered:
-            self._face(k, self.scene.humans[k].pose.direction)
-            self._buffers.humans[k, OMEGA] = self._buffers.posture[k] = 0.0
-        if entered or left:
-            self._read_bodies()
+                shape.filter = pymunk.ShapeFilter(group=_seat_group(int(seats[k])) if seats[k] >= 0 else 0)
+        own[:] = seats
+        self._buffers.may_overlap[:] = [
+            on >= 0 or _is_recorded(h) for on, h in zip(seats, self.scene.humans, strict=True)
+        ]
 
     def _face(self, k: int, direction: Point) -> None:
         """Set heading and gaze of pedestrian k."""
         humans = self._buffers.humans
         self._buffers.guard.torso[k] = direction
         humans[k, BODY_X : BODY_Y + 1] = humans[k, GAZE_X : GAZE_Y + 1] = direction
-
-    def _read_bodies(self) -> None:
-        """Copy positions and velocities from the engine to the state."""
-        read_state(self._packed.argument)
 
     def _check_order(self) -> None:
         """Check that the engine lists bodies in the order of insertion, which all rows rely on."""
@@ -254,16 +279,15 @@ def _space_with_obstacles(scene: Scene) -> pymunk.Space:
     return space
 
 
-def _seats_at_start(scene: Scene) -> tuple[tuple[int, int], ...]:
+def _seats_at_start(scene: Scene) -> IntArray:
     """`CrowdCommands.seats` of the pedestrians that sit at the start."""
     index = {piece.id: k for k, piece in enumerate(scene.furniture) if piece.is_seat}
-    sitting = [(k, human) for k, human in enumerate(scene.humans) if human.seat is not None]
-    for _, human in sitting:
-        if human.seat not in index:
+    for human in scene.humans:
+        if human.seat is not None and human.seat not in index:
             raise ValueError(
                 f"human {human.id} sits on {human.seat}, which is not a seat; set seat=True of the furniture"
             )
-    return tuple((k, index[human.seat]) for k, human in sitting if human.seat is not None)
+    return np.array([-1 if h.seat is None else index[h.seat] for h in scene.humans], dtype=np.int64)
 
 
 def _seat_group(index: int) -> int:

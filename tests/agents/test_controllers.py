@@ -223,7 +223,7 @@ def test_the_robot_keeps_its_memory_under_a_model_when_people_come_and_go() -> N
     memory = []
     for _ in range(10):
         episode.step()
-        memory.append(controller._model._memory.value.deviation.copy())  # type: ignore[attr-defined]
+        memory.append(controller._model._input.value.memory.deviation.copy())  # type: ignore[attr-defined]
     changes = np.abs(np.diff(np.array(memory), axis=0))
     assert changes.shape[1] == 3
     assert (changes[:, 2] > 0.0).all()

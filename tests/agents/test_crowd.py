@@ -16,8 +16,9 @@ import sonata2d as s2
 from sonata2d.agents.pedestrians.crowd import Crowd
 from sonata2d.agents.pedestrians.models.base import attention_to
 from sonata2d.agents.pedestrians.routes import point_ahead
+from sonata2d.agents.pedestrians.wayfinding import set_path
 from sonata2d.core.entities import Furniture, Group, Human, Interaction, Wall
-from sonata2d.core.geometry import Pose, Rectangle, Twist
+from sonata2d.core.geometry import Point, Pose, Rectangle, Twist
 from sonata2d.core.portable_math import Array, BoolArray
 from sonata2d.core.relations import AT_LAPTOP, TALKING, WALKING_TOGETHER
 from sonata2d.core.scene import Rules, Scene
@@ -60,11 +61,16 @@ def rotated(scene: Scene, c: int, s: int) -> Scene:
     )
 
 
+def send_straight(crowd: Crowd, k: int, start: Point, goal: Point) -> None:
+    """Send pedestrian k from its position straight to a goal."""
+    set_path(crowd.state.routes, crowd.state.journeys, k, np.array([start, goal]), 2, 1)
+
+
 def accelerations(scene: Scene, direction: tuple[float, float]) -> Array:
     """The accelerations of pedestrians that all want to walk in one direction at 1.3 m/s."""
     crowd, snapshot = Crowd(scene), World(scene).snapshot()
     crowd.act(snapshot)  # fills positions, velocities and what blocks the view
-    crowd._walkers.desired_direction[:], crowd._walkers.desired_speed[:] = direction, 1.3
+    crowd.state.walkers.desired_direction[:], crowd.state.walkers.desired_speed[:] = direction, 1.3
     return crowd._acceleration().copy()
 
 
@@ -159,7 +165,7 @@ def test_only_pedestrians_that_react_to_the_robot_keep_clear_of_it() -> None:
         for y in (0.1, 0.25):
             scene = room([walker(1, -3.0, y, reacts_to_robot=reacts)], robot=Pose(0.0, 0.0))
             world, crowd = World(scene), Crowd(scene)
-            crowd._wayfinding._set_path(0, np.array([[-3.0, y], [3.5, y]]))
+            send_straight(crowd, 0, (-3.0, y), (3.5, y))
             for _ in range(35):
                 snapshot = world.snapshot()
                 clearances.append(s2.clearance(snapshot))
@@ -196,8 +202,8 @@ def views(scene: Scene) -> tuple[Array, BoolArray]:
     crowd = Crowd(scene)
     crowd.act(World(scene).snapshot())
     count = len(scene.humans)
-    attention = [[attention_to(crowd._walkers, i, j) for j in range(count)] for i in range(count)]
-    return np.array(attention), crowd._intentions.robot_in_sight
+    attention = [[attention_to(crowd.state.walkers, i, j) for j in range(count)] for i in range(count)]
+    return np.array(attention), crowd.state.intentions.robot_in_sight
 
 
 def test_walls_block_the_line_of_sight() -> None:
@@ -228,7 +234,7 @@ def test_a_follower_before_its_leader_looks_where_it_walks() -> None:
     scene = room(people, groups=(Group(1, "walking", (2, 1)),))
     crowd = Crowd(scene)
     crowd.act(World(scene).snapshot())
-    routes = crowd._wayfinding.routes
+    routes = crowd.state.routes
     assert routes.length.tolist() == [0, 2]
     routes.target[0] = 3.5, 3.0
     assert point_ahead(routes, 0, 3.0, 3.0, 1.0) == (3.5, 3.0)
@@ -242,10 +248,10 @@ def test_a_copy_of_a_crowd_goes_on_by_itself(busy: Scene, copied: Callable[[Crow
     other, snapshot = copied(crowd), world.snapshot()
     assert other.act(snapshot).acceleration.tobytes() == crowd.act(snapshot).acceleration.tobytes()
     world.step(Twist(), crowd.act(snapshot))
-    before = [array.copy() for array in crowd._intentions]
+    before = [array.copy() for array in crowd.state.intentions]
     del world
     other.act(replace(snapshot, tick=snapshot.tick + 1))
-    assert all(np.array_equal(array, old) for array, old in zip(crowd._intentions, before, strict=True))
+    assert all(np.array_equal(array, old) for array, old in zip(crowd.state.intentions, before, strict=True))
 
 
 def test_a_snapshot_of_another_scene_is_refused(busy: Scene) -> None:

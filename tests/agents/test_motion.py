@@ -88,7 +88,7 @@ def test_members_of_a_group_come_abreast_while_the_first_one_is_absent(change: d
     world, crowd = World(scene), Crowd(scene)
     for _ in range(12):
         world.step(Twist(), crowd.act(world.snapshot()))
-    assert crowd._walkers.is_abreast[1:].all()
+    assert crowd.state.walkers.is_abreast[1:].all()
 
 
 def test_feet_keep_their_direction_while_shoulders_turn() -> None:
@@ -97,7 +97,7 @@ def test_feet_keep_their_direction_while_shoulders_turn() -> None:
     for _ in range(80):
         snapshot = world.snapshot()
         commands = crowd.act(snapshot)
-        feet, body = crowd._walkers.body_direction[0], snapshot.humans.direction[0]
+        feet, body = crowd.state.walkers.body_direction[0], snapshot.humans.direction[0]
         seen.append((snapshot.humans.position[0, 0], math.atan2(feet[1], feet[0]), math.atan2(body[1], body[0])))
         world.step(Twist(), commands)
     x, feet_angle, body_angle = np.array(seen).T
@@ -126,7 +126,7 @@ def test_members_with_goals_of_their_own_come_abreast_only_where_there_is_room(w
     world, crowd = World(scene), Crowd(scene)
     for _ in range(8):
         world.step(Twist(), crowd.act(world.snapshot()))
-    assert crowd._walkers.is_abreast.tolist() == [True, is_abreast]
+    assert crowd.state.walkers.is_abreast.tolist() == [True, is_abreast]
 
 
 def test_a_crowd_in_a_door_is_not_pressed_into_its_jambs() -> None:

@@ -154,7 +154,7 @@ def test_nobody_waits_for_ever_for_somebody_who_is_stuck() -> None:
     speeds = []
     for _ in range(250):
         world.step(Twist(), crowd.act(world.snapshot()))
-        speeds.append(crowd._walkers.desired_speed[1])
+        speeds.append(crowd.state.walkers.desired_speed[1])
     assert max(speeds[60:160]) < 0.3
     assert max(speeds[180:]) > 1.0
 

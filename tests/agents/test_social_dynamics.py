@@ -12,10 +12,13 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.agents.pedestrians.crowd import Crowd
-from sonata2d.agents.pedestrians.social.f_formations import joining_positions, widen
-from sonata2d.agents.pedestrians.social.state import SocialState
+from sonata2d.agents.pedestrians.crowd_state import CrowdState
+from sonata2d.agents.pedestrians.social.company import start_walking
+from sonata2d.agents.pedestrians.social.f_formations import CENTRE_X, MOST_POSITIONS, joining_positions, widened
+from sonata2d.agents.pedestrians.wayfinding import update_obstacles
 from sonata2d.core.entities import Formation, Furniture, Group, Human, Interaction
-from sonata2d.core.geometry import Disc, Pose, Rectangle, Twist, inside_polygon
+from sonata2d.core.geometry import Disc, Point, Pose, Rectangle, Twist, inside_polygon
+from sonata2d.core.portable_math import Array
 from sonata2d.core.relations import ACTIVITIES, AT_LAPTOP, AT_PLANT, TALKING
 from sonata2d.core.scene import Scene, Social
 from sonata2d.core.snapshot import Snapshot
@@ -26,7 +29,7 @@ from sonata2d.scenegen.formations import talking_formation
 from sonata2d.sim.world import World
 
 from ..conftest import room, walker
-from .test_crowd import positions, simulate
+from .test_crowd import positions, send_straight, simulate
 
 CORNER = Pose(-3.5, -3.5)
 
@@ -129,7 +132,7 @@ def test_a_newcomer_completes_a_pair_to_a_circle() -> None:
     social = Social(joins=1.0, talk_time=(15.0, 15.0))
     interactions = (Interaction(1, TALKING, 2),)
     scene = room([*pair, walker(3, 0.0, -3.0)], interactions=interactions, social=social, robot=CORNER, seed=1)
-    snapshots = simulate(scene, 31.0)
+    snapshots = simulate(scene, 29.0)
     circles = [s for s in snapshots if sum(i.relation == TALKING for i in s.interactions) == 3]
     assert len(circles) == 150
     position = circles[100].humans.position
@@ -148,7 +151,7 @@ def test_a_pair_that_meets_stops_talks_and_parts() -> None:
     scene = room([walker(1, -3.0, 0.0), walker(2, 3.0, 0.0, math.pi)], social=social, robot=CORNER)
     world, crowd, snapshots = World(scene), Crowd(scene), []
     for k, goal in ((0, (3.5, 0.0)), (1, (-3.5, 0.0))):
-        crowd._wayfinding._set_path(k, np.array([scene.humans[k].pose.position, goal]))
+        send_straight(crowd, k, scene.humans[k].pose.position, goal)
     for _ in range(150):
         snapshots.append(world.snapshot())
         world.step(Twist(), crowd.act(snapshots[-1]))
@@ -180,15 +183,22 @@ def test_pedestrians_with_limited_presence_do_not_leave_their_positions() -> Non
         assert np.abs(snapshot.humans.position - start).max() < 0.05
 
 
+def shared_edges(state: CrowdState) -> set[tuple[float, ...]]:
+    """Start and end of the edges of the spaces inside groups, m."""
+    update_obstacles(state.obstacles, state.company, state.is_present)
+    bodies, around = state.obstacles.passable.added, state.obstacles.space.added
+    return {tuple(row[:4]) for row in around.table[bodies.used[0] : around.used[0]].tolist()}
+
+
 def test_shared_space_shrinks_when_a_member_leaves() -> None:
     ring = [Human(k, Pose(math.cos(k), math.sin(k), k + math.pi), 0.2, group=1) for k in (0.5, 1.5, 2.5, 3.5)]
     ring = [replace(human, id=k) for k, human in enumerate(ring, 1)]
     scene = replace(room(ring, robot=CORNER), groups=(Group(1, "talking", (1, 2, 3, 4), "circle"),))
-    social = SocialState(scene)
-    assert social.shared_spaces().start.tolist() == scene.shared_spaces.start.tolist()
-    social.start_walking(1)
-    assert len(social.shared_spaces()) == 3
-    assert scene.humans[1].pose.position not in map(tuple, social.shared_spaces().start.tolist())
+    state = Crowd(scene).state
+    assert shared_edges(state) == {tuple(row) for row in scene.shared_spaces.table[:, :4].tolist()}
+    start_walking(state.company, 1, state.is_present)
+    assert len(shared_edges(state)) == 3
+    assert scene.humans[1].pose.position not in {edge[:2] for edge in shared_edges(state)}
 
 
 def test_a_lively_episode_gives_the_same_bytes_and_replays(tmp_path: Path) -> None:
@@ -270,14 +280,21 @@ def test_walkers_go_round_a_talking_group() -> None:
     assert path[-1, 6] == pytest.approx((3.0, 0.1), abs=0.6)
 
 
+def best_position(members: list[Point], newcomer: Point) -> Array:
+    """Centre and position that are offered first."""
+    ranked = np.empty((MOST_POSITIONS, 6))
+    assert joining_positions(np.array(members), 0.0, 0.0, *newcomer, ranked) > 0
+    return ranked[0, CENTRE_X:]
+
+
 def test_the_widest_gap_of_a_formation_is_offered_first_and_mirrors() -> None:
     members = [(0.7, 0.0), (0.0, 0.7), (-0.7, 0.0)]
-    (centre, position), *_ = joining_positions(members, (0.0, 0.0), (0.5, -3.0))
-    assert position[1] < -0.5
-    mirrored = joining_positions([(x, -y) for x, y in members], (0.0, 0.0), (0.5, 3.0))[0]
-    assert mirrored == (pytest.approx((centre[0], -centre[1])), pytest.approx((position[0], -position[1])))
+    best = best_position(members, (0.5, -3.0))
+    assert best[3] < -0.5
+    mirrored = best_position([(x, -y) for x, y in members], (0.5, 3.0))
+    assert mirrored == pytest.approx(best * (1.0, -1.0, 1.0, -1.0))
 
 
 def test_a_formation_widens_but_never_shrinks() -> None:
-    assert widen((0.6, 0.0), (0.0, 0.0), 5) == pytest.approx((0.85, 0.0))
-    assert widen((1.5, 0.0), (0.0, 0.0), 3) == (1.5, 0.0)
+    assert widened(0.6, 0.0, 0.0, 0.0, 5) == pytest.approx((0.85, 0.0))
+    assert widened(1.5, 0.0, 0.0, 0.0, 3) == (1.5, 0.0)

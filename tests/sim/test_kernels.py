@@ -6,18 +6,23 @@ import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import sonata2d as s2
 from sonata2d.agents.controllers.base import External
+from sonata2d.agents.pedestrians.crowd import Crowd
+from sonata2d.agents.pedestrians.models.sonata2026 import Sonata2026Model
 from sonata2d.core.compiled.kernel import IS_COMPILED
 from sonata2d.core.devices import DeviceEvent
 from sonata2d.core.geometry import Twist
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.errors import ControllerError
+from sonata2d.sim.world import World
 
 from ..conftest import room, walker
 from .episodes import digests, recorded
@@ -118,11 +123,32 @@ def test_a_controller_hears_of_commands_that_are_applied_instead_of_its_own() ->
     assert heard == [Twist(vx=0.2)]
 
 
-def test_an_error_of_a_pedestrian_model_ends_the_episode_before_the_tick() -> None:
+@pytest.mark.parametrize("name", ["lively", "waiting-room", "intersection", "crossing-flows"])
+@pytest.mark.parametrize("model", ["sonata2026", "farina2017"])
+def test_a_tick_in_one_call_equals_its_parts_called_one_after_the_other(name: str, model: str) -> None:
+    """One after the other as for a model in ordinary Python."""
+    scene = s2.generate(name, 3)
+    scene = replace(scene, humans=tuple(replace(human, model=model) for human in scene.humans))
+    whole, parts = s2.Episode(scene), World(scene)
+    crowd = Crowd(scene)
+    assert whole._crowd.is_compiled
+    for tick in range(80):
+        command = Twist(0.6, 0.0, 0.4 if tick % 40 < 20 else -0.4)
+        snapshot = parts.snapshot()
+        parts.step(command, crowd.act(snapshot), is_limited=True)
+        whole.apply(command)
+        state, other = whole._world.snapshot().state, parts.snapshot().state
+        assert state.row.tobytes() == other.row.tobytes()
+        assert state.activity.tobytes() == other.activity.tobytes()
+        assert whole._world.snapshot().interactions == parts.snapshot().interactions
+
+
+def test_an_error_of_a_pedestrian_model_ends_the_episode_before_the_tick(monkeypatch: pytest.MonkeyPatch) -> None:
+    answers = [np.zeros((1, 2)), None]
+    monkeypatch.setattr(Sonata2026Model, "acceleration", lambda self, walkers: answers.pop(0))
     recorder = s2.EpisodeRecorder()
     episode = s2.Episode(room([walker(1, 0.0, 0.0)]), Half(), observers=[recorder])
     episode.step()
-    episode._crowd._model.acceleration = lambda walkers: None  # type: ignore[method-assign, assignment, return-value]
     with pytest.raises(ValueError, match="must return an array") as caught:
         episode.step()
     assert caught.value.__notes__ == ["at tick 1 of episode 0, seed 0"]

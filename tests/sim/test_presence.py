@@ -24,7 +24,7 @@ from sonata2d.metrics.disturbance import without_robot
 from sonata2d.record.reader import read_episode
 from sonata2d.record.recorder import JsonRecorder
 from sonata2d.sim.episode import Episode
-from sonata2d.sim.presence import ENTRY_OVERLAP
+from sonata2d.sim.kernel.presence import ENTRY_OVERLAP
 from sonata2d.view.interpolation import between
 from sonata2d.view.trails import Trails
 

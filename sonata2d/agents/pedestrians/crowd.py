@@ -4,48 +4,58 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from functools import cache
+from itertools import accumulate
+from typing import Any
 
 import numpy as np
 
-from ...core.barrier_grid import Solids, is_crossed, solids_of
+from ...core.barrier_grid import is_crossed, solids_of
+from ...core.compiled.calls import FLAG, FLOAT, FLOATS, FLOATS2, INT, PACKED, address_of, call
 from ...core.compiled.kernel import kernel, subroutine
-from ...core.compiled.packing import Bools, Floats, Floats2, Packed, unpack, zeros
+from ...core.compiled.packing import Packed, pack, unpack, zeros
 from ...core.compiled.scalar import length, rotation, unit_or
-from ...core.entities import DEFAULT_MODEL
-from ...core.free_space import Space
+from ...core.entities import DEFAULT_MODEL, Interaction
+from ...core.free_space import check_line, check_place
 from ...core.geometry import Barriers, Point, as_point
-from ...core.humans import BODY_X, BODY_Y, MAXIMUM_SPEED_RATIO, VX, VY, X, Y
+from ...core.humans import BODY_X, BODY_Y, MAXIMUM_SPEED_RATIO, VX, VY, X, Y, frozen
+from ...core.path_search import find_path
+from ...core.philox import draws_of
 from ...core.portable_math import Array, BoolArray, IntArray
-from ...core.rng import AgentStreams
+from ...core.relations import RELATIONS
 from ...core.scene import Scene
 from ...core.snapshot import CrowdCommands, Snapshot
 from ...core.turning import critically_damped, turn_limits
 from ...registry import PEDESTRIAN_MODELS
-from .models.base import Walkers, checked_acceleration, evaluations_per_tick, pedestrian_model, standing_acceleration
+from .crowd_state import PURPOSES, Calls, CrowdState, Intentions, Law
+from .decisions import (
+    advance_tasks,
+    begin,
+    choose_destination,
+    find_new_paths,
+    leave,
+    plan_path,
+    send,
+    stand,
+    start_stay,
+    start_straight,
+    update_partners,
+)
+from .models.base import (
+    KernelModel,
+    PedestrianModel,
+    Walkers,
+    checked_acceleration,
+    evaluations_per_tick,
+    pedestrian_model,
+    standing_acceleration,
+)
 from .neighbours import find_neighbours, find_walls, with_longer_lists
-from .orientation import (
-    HEAD_LEAD_TIME,
-    IDLE_SPEED,
-    MINIMUM_HEAD_LEAD,
-    Glances,
-    facing,
-    gaze,
-    has_draws,
-    initial_glances,
-    refill,
-)
-from .passages import Passages, find_passages, give_way
-from .reactions import (
-    Reactions,
-    adjust_course,
-    apply_adjustment,
-    initial_reactions,
-    notice_robot,
-    robot_repulsion,
-    step_back,
-)
+from .orientation import HEAD_LEAD_TIME, IDLE_SPEED, MINIMUM_HEAD_LEAD, facing, gaze, initial_glances
+from .passages import find_passages, give_way
+from .reactions import adjust_course, apply_adjustment, initial_reactions, notice_robot, robot_repulsion, step_back
 from .routes import (
+    MOST_WAYPOINTS,
     Routes,
     advance_on_paths,
     corner_speed,
@@ -55,81 +65,19 @@ from .routes import (
     stopping_speed,
 )
 from .shoulders import wanted_twist
-from .social.dynamics import SocialDynamics
-from .social.state import SocialArrays, SocialState
-from .wayfinding import Wayfinding
+from .social.company import company_of
+from .social.fixtures import fixtures_of, habits_of
+from .social.tasks import Meetings, lines_of, tasks_of
+from .wayfinding import Journeys, Spaces
 
-_STANDING_SPEED, _STANDING_TIME = 0.05, 1.0  # m/s and s: a robot that is slower for so long counts as an obstacle
-
-# Steps of `decide`, and its answers: the decision that it needs, or that it is complete.
-_FOLLOW, _TARGET, _TURN = range(3)
-_NEEDS_DESTINATION, _NEEDS_PATHS, _NEEDS_DRAWS, _IS_DECIDED = range(4)
-
-
-class Obstacles(NamedTuple):
-    """Obstacles of the pedestrians, for kernels.
-
-    Attributes:
-        solids: walls and furniture.
-        view_blocks: walls that can block a view between two places in the room.
-        space: free space of paths, see `Wayfinding`.
-        passable: free space of bodies.
-        side: to which pedestrians evade each other: 1 to the right, -1 to the left.
-        dt: tick, s.
-    """
-
-    solids: Solids
-    view_blocks: Solids
-    space: Space
-    passable: Space
-    side: float
-    dt: float
-
-
-class Intentions(NamedTuple):
-    """Intentions of the pedestrians in a tick, for kernels.
-
-    Attributes:
-        preferred_speed: (N,), m/s; walking groups have the speed of their slowest member.
-        robot_in_sight: (N,) of bool.
-        standing_position: (N, 2), m, to which standing pedestrians return if they are pushed.
-        facing, gaze: (N, 2), unit vectors of the desired headings and gazes.
-        acceleration: (N, 2), m/s^2.
-        wanted_twist: (N,), rad, by which the shoulders should be turned from the direction of the feet.
-        twist: (N,), rad, by which they are turned.
-        twist_rate: (N,), rad/s, at which this angle changes.
-    """
-
-    preferred_speed: Floats
-    robot_in_sight: Bools
-    standing_position: Floats2
-    facing: Floats2
-    gaze: Floats2
-    acceleration: Floats2
-    wanted_twist: Floats
-    twist: Floats
-    twist_rate: Floats
-
-
-class CrowdState(NamedTuple):
-    """State of a crowd, for kernels."""
-
-    obstacles: Obstacles
-    routes: Routes
-    passages: Passages
-    social: SocialArrays
-    reactions: Reactions
-    glances: Glances
-    intentions: Intentions
-    walkers: Walkers
+_TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims
 
 
 class Crowd:
     """All pedestrians of a scene: one pedestrian model, wayfinding, social behaviour, reactions and orientation.
 
-    A tick is four calls of compiled code: `observe` (neighbours), `decide` (targets, reactions to the robot,
-    orientation), the pedestrian model, and `total_acceleration`. Where `decide` comes upon a decision, it returns to
-    ordinary Python, and is called again.
+    A tick is two kernels, `prepare` (neighbours, decisions, targets, reactions to the robot, orientation) and
+    `accelerate` (the pedestrian model). `sim.kernel.tick` calls them without the interpreter if the model is a kernel.
 
     Args:
         scene: the pedestrians and their initial states; its seed determines where they wander.
@@ -146,28 +94,19 @@ class Crowd:
         if names[0] not in PEDESTRIAN_MODELS:
             raise ValueError(PEDESTRIAN_MODELS.unknown(names[0]))
         self._model = pedestrian_model(names[0])(scene)
-        self._wayfinding = Wayfinding(scene)
-        self._social = SocialState(scene)
-        self._social_dynamics = SocialDynamics(scene, self._social, self._wayfinding)
-        self._passages = find_passages(scene)
-        self._reactions = initial_reactions(scene)
-        self._glances = initial_glances(scene, self._reactions)
-        self._glance_streams = AgentStreams(scene.seed, scene.episode, "glances", scene.human_table.id.tolist())
-        self._solids = solids_of(scene.barriers)
-        self._view_blocks = solids_of(Barriers.of(_blocking_walls(scene)))
-        self._side, self._dt = float(scene.rules.side), scene.rules.dt
-        self._obstacles = self._pack_obstacles()
-        self._intentions = zeros(
-            Intentions, count, preferred_speed=_group_speeds(scene), robot_in_sight=np.ones(count, dtype=bool),
-            standing_position=self._social.standing_position.copy(),
-        )  # fmt: skip
-        self._walkers = _walkers(scene)
-        self._is_present, self._all_present = np.ones(count, dtype=bool), True
-        self._evaluations = min(evaluations_per_tick(self._model.evaluations, self._dt), scene.rules.substeps)
-        self._interval = self._dt / self._evaluations
+        self._spaces = Spaces(scene, solids_of(Barriers.of(_blocking_walls(scene))))
+        self._state = Packed(_initial_state(scene, self._spaces, self._model))
         self._robot_position: Point = scene.robot.pose.position
-        self._robot_radius, self._robot_rests, self._robot_is_obstacle = scene.robot.radius, 0, False
-        self._state = Packed(self._gather_state())
+        self._all_present = True
+        self._ids = [*scene.human_table.id.tolist(), *(piece.id for piece in scene.furniture)]
+        seats = {piece: row for row, piece in enumerate(self._state.value.fixtures.seat_piece.tolist())}
+        pieces = {piece.id: seats.get(k, -1) for k, piece in enumerate(scene.furniture)}
+        queues = {queue.id: row for row, queue in enumerate(scene.queues)}
+        seat = np.array([-1 if h.seat is None else pieces.get(h.seat, -1) for h in humans], dtype=np.int64)
+        queue = np.array([-1 if h.queue is None else queues.get(h.queue, -1) for h in humans], dtype=np.int64)
+        begin(self._state.argument, seat, queue)
+        self._version, self.activity, self.interactions = -1, np.zeros(count, dtype=np.int64), scene.interactions
+        self.read_company()
 
     def act(self, snapshot: Snapshot) -> CrowdCommands:
         """The commands of all pedestrians for the next tick.
@@ -175,196 +114,247 @@ class Crowd:
         Raises:
             ValueError: the snapshot is of another scene, or the model's answer is not an (N, 2) array.
         """
-        state, social, wayfinding = snapshot.state, self._social, self._wayfinding
-        tick, humans, robot = snapshot.tick, state.humans, state.robot
-        if len(humans) != len(self._is_present):
-            raise ValueError(f"a crowd of {len(self._is_present)} got a snapshot of {len(humans)} pedestrians")
+        state, own = snapshot.state, self._state.value
+        if len(state.humans) != len(own.is_present):
+            raise ValueError(f"a crowd of {len(own.is_present)} got a snapshot of {len(state.humans)} pedestrians")
         self._set_presence(state.is_present)
-        self._find_neighbours(humans)
-        self._social_dynamics.update(tick, humans[:, X : Y + 1], self._walkers)
-        self._watch_robot(robot)
-        wayfinding.begin_tick(tick, humans, self._is_present)
-        if self._obstacles.space is not wayfinding.space.for_kernels:
-            self._obstacles = self._pack_obstacles()
-        self._decide(tick, robot, humans)
-        self._robot_position = as_point(robot)
+        while not prepare(self.argument, snapshot.tick, state.robot, state.humans):
+            self.extend_lists()
+        self._robot_position = as_point(state.robot)
+        acceleration = self._acceleration()
+        self.read_company()
+        own = self._state.value
         return CrowdCommands(
-            acceleration=self._acceleration(),
-            facing=self._intentions.facing,
-            gaze=self._intentions.gaze,
-            activity=social.activity,
-            interactions=social.interactions,
-            refresh=self._refresh if self._evaluations > 1 else None,
-            evaluations=self._evaluations,
-            leaving=wayfinding.leaving + self._social_dynamics.leaving,
-            seats=self._social_dynamics.seats.pairs,
+            acceleration=acceleration,
+            facing=own.intentions.facing,
+            gaze=own.intentions.gaze,
+            activity=self.activity,
+            interactions=self.interactions,
+            refresh=self._refresh if own.law.evaluations > 1 else None,
+            evaluations=own.law.evaluations,
+            leaving=own.routes.is_leaving | own.tasks.is_leaving,
+            seats=own.tasks.sits_on,
         )
+
+    @property
+    def state(self) -> CrowdState:
+        """The arrays of the crowd, which its kernels change; some are exchanged for longer ones in `act`."""
+        return self._state.value
+
+    @property
+    def argument(self) -> Any:
+        """The state as kernels take it."""
+        return self._state.argument
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether the pedestrian model is a kernel, which needs no call of ordinary Python in a tick."""
+        return bool(self._state.value.law.kernel.any())
 
     def turn_shoulders_like(self, other: Crowd) -> None:
         """Copy the shoulder twist from another crowd of the same people, as it is wanted there."""
-        self._intentions.wanted_twist[:] = self._intentions.twist[:] = other._intentions.wanted_twist
+        own, theirs = self._state.value.intentions, other._state.value.intentions
+        own.wanted_twist[:] = own.twist[:] = theirs.wanted_twist
 
-    def _watch_robot(self, robot: Array) -> None:
-        """Let paths lead round a robot that stands, as round a piece of furniture, whether it is ignored or not."""
-        is_moving = robot[VX] * robot[VX] + robot[VY] * robot[VY] > _STANDING_SPEED * _STANDING_SPEED
-        self._robot_rests = 0 if is_moving else self._robot_rests + 1
-        is_obstacle = self._robot_rests * self._dt >= _STANDING_TIME
-        if is_obstacle != self._robot_is_obstacle:
-            self._robot_is_obstacle = is_obstacle
-            place = (float(robot[X]), float(robot[Y]))
-            self._wayfinding.set_robot(Barriers.of([(place, place, self._robot_radius)] if is_obstacle else ()))
+    def read_company(self) -> None:
+        """Update `activity` and `interactions` if they have changed."""
+        company, ids = self._state.value.company, self._ids
+        if company.version[0] != self._version:
+            self._version = int(company.version[0])
+            self.activity = frozen(company.activity.copy())
+            rows = company.links[: company.link_count[0]].tolist()
+            self.interactions = tuple(Interaction(ids[src], RELATIONS[kind], ids[dst]) for src, dst, kind in rows)
 
-    def _find_neighbours(self, humans: Array) -> None:
-        """Fill the neighbour lists; make them longer if necessary."""
-        while True:
-            self._repack()
-            total, walls = observe(self._state.argument, humans, self._is_present)
-            if total <= len(self._walkers.neighbour) and walls <= len(self._walkers.wall):
-                return
-            self._walkers = with_longer_lists(self._walkers, total, walls)
-
-    def _decide(self, tick: int, robot: Array, humans: Array) -> None:
-        """Run `decide` to its end; make the decisions that it asks for."""
-        wayfinding, step, first = self._wayfinding, _FOLLOW, 0
-        while True:
-            self._repack()
-            need, item = decide(
-                self._state.argument, step, first, tick, robot, humans, self._is_present, self._model.headed
-            )
-            if need == _IS_DECIDED:
-                return
-            if need == _NEEDS_DESTINATION:
-                k = int(wayfinding.routes.order[item])
-                wayfinding.choose_destination(k, as_point(humans[k]))
-                step, first = _FOLLOW, item + 1
-            elif need == _NEEDS_PATHS:
-                for k in np.flatnonzero(wayfinding.routes.is_blocked).tolist():
-                    wayfinding.find_new_path(k, as_point(humans[k]))
-                wayfinding.routes.is_blocked[:] = False
-                step = _TARGET
-            else:
-                refill(self._glances, self._glance_streams)
-                step = _TURN
+    def extend_lists(self) -> None:
+        """Make the lists of neighbours and walls as long as the last tick needed."""
+        own = self._state.value
+        walkers = with_longer_lists(own.walkers, *own.needed.tolist())
+        other = np.zeros(len(walkers.neighbour), dtype=np.int64)
+        other[: len(own.meetings.other)] = own.meetings.other
+        law = own.law._replace(packed_walkers=pack(walkers))
+        self._state = Packed(own._replace(walkers=walkers, law=law, meetings=own.meetings._replace(other=other)))
 
     def _refresh(self, rows: Array) -> Array:
         """`CrowdCommands.refresh`: the accelerations in the present state of the bodies."""
-        self._walkers.position[:], self._walkers.velocity[:] = rows[:-1, X : Y + 1], rows[:-1, VX : VY + 1]
+        walkers = self._state.value.walkers
+        walkers.position[:], walkers.velocity[:] = rows[:-1, X : Y + 1], rows[:-1, VX : VY + 1]
         self._robot_position = as_point(rows[-1])
         return self._acceleration()
 
     def _acceleration(self) -> Array:
         """(N, 2), m/s^2: by the model for walking pedestrians, back to their positions for standing ones."""
-        walking = checked_acceleration(self._model, self._walkers)
+        walking = checked_acceleration(self._model, self._state.value.walkers)
         x, y = self._robot_position
-        total_acceleration(self._state.argument, walking, x, y, self._interval)
-        return self._intentions.acceleration
+        total_acceleration(self._state.argument, walking, x, y)
+        return self._state.value.intentions.acceleration
 
     def _set_presence(self, is_present: BoolArray | None) -> None:
         """Update what depends on which pedestrians are present."""
         if is_present is None and self._all_present:
             return
         self._all_present = is_present is None
-        present = np.ones_like(self._is_present) if is_present is None else is_present
-        if (present != self._is_present).any():
-            self._is_present = present.copy()
-        self._social.set_presence(is_present)
+        own = self._state.value.is_present
+        present = np.ones_like(own) if is_present is None else is_present
+        if (present != own).any():
+            own[:] = present
+            update_partners(self._state.argument)
 
-    def _repack(self) -> None:
-        """Pack the state anew if one of its parts is another object now."""
-        state = self._gather_state()
-        if any(part is not packed for part, packed in zip(state, self._state.value, strict=True)):
-            self._state = Packed(state)
 
-    def _gather_state(self) -> CrowdState:
-        return CrowdState(
-            self._obstacles, self._wayfinding.routes, self._passages, self._social.arrays, self._reactions,
-            self._glances, self._intentions, self._walkers,
-        )  # fmt: skip
+def _initial_state(scene: Scene, spaces: Spaces, model: PedestrianModel) -> CrowdState:
+    """The state of a crowd at the start, before `begin`."""
+    humans, count = scene.humans, len(scene.humans)
+    company, reactions = company_of(scene), initial_reactions(scene)
+    routes, journeys = _routes(scene), _journeys(scene)
+    walkers = with_longer_lists(_walkers(scene), min(count * count, 64 * count), min(len(scene.barriers), 32) * count)
+    return CrowdState(
+        obstacles=spaces.obstacles,
+        routes=routes,
+        journeys=journeys,
+        fixtures=fixtures_of(scene, spaces.clearance),
+        habits=habits_of(scene, spaces.clearance),
+        tasks=tasks_of(scene, company.stays),
+        lines=lines_of(scene),
+        meetings=Meetings(
+            np.zeros(count + 1, dtype=np.int64), np.zeros(len(walkers.neighbour), dtype=np.int64), np.zeros(1, bool)
+        ),
+        passages=find_passages(scene),
+        company=company,
+        reactions=reactions,
+        glances=initial_glances(scene, reactions),
+        intentions=zeros(
+            Intentions, count, preferred_speed=_group_speeds(scene), robot_in_sight=np.ones(count, dtype=bool),
+            standing_position=company.standing_position.copy(),
+        ),
+        walkers=walkers,
+        draws=draws_of(scene.seed, scene.episode, "people", [human.id for human in humans], PURPOSES),
+        law=_law_of(model, scene, walkers),
+        is_present=np.ones(count, dtype=bool),
+        needed=np.zeros(2, dtype=np.int64),
+        calls=_calls(),
+    )  # fmt: skip
 
-    def _pack_obstacles(self) -> Obstacles:
-        space, passable = self._wayfinding.space.for_kernels, self._wayfinding.passable.for_kernels
-        return Obstacles(self._solids, self._view_blocks, space, passable, self._side, self._dt)
+
+def _law_of(model: PedestrianModel, scene: Scene, walkers: Walkers) -> Law:
+    """A pedestrian model for kernels."""
+    kernel, parameters = np.zeros(2, dtype=np.int64), np.zeros(1, dtype=np.int64)
+    if isinstance(model, KernelModel) and type(model).acceleration is KernelModel.acceleration:
+        kernel = address_of(model.kernel, PACKED, PACKED, FLOATS2, FLOAT, FLOAT, FLOATS2)
+        parameters = model.packed_parameters(len(scene.humans))
+    evaluations = min(evaluations_per_tick(model.evaluations, scene.rules.dt), scene.rules.substeps)
+    return Law(kernel, pack(walkers), parameters, bool(model.headed), evaluations, scene.rules.dt / evaluations)
+
+
+def _routes(scene: Scene) -> Routes:
+    """Routes without paths; members of wandering groups follow their leaders."""
+    humans, count, index = scene.humans, len(scene.humans), scene.human_table.row
+    walking = [k for k, human in enumerate(humans) if human.behaviour in ("wandering", "walking")]
+    walks, first, leader = set(walking), np.arange(count), np.full(count, -1)
+    groups = (group for group in scene.groups if group.kind == "walking")
+    leader_of = {index[m]: index[group.members[0]] for group in groups for m in group.members}
+    for k, other in leader_of.items():
+        first[k] = other if other in walks else k
+    for k in walking:
+        # Members with goals of their own, or whose leader does not walk, lead themselves.
+        other = k if humans[k].behaviour == "walking" else leader_of.get(k, k)
+        leader[k] = other if other in walks else k
+    order, version = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    order[: len(walking)] = walking
+    version[walking] = np.arange(1, len(walking) + 1)
+    has_goals = [len(human.goals) if human.behaviour == "walking" else -1 for human in humans]
+    return zeros(
+        Routes, count, order=order, walkers=np.array([len(walking)]), leader=leader, first=first,
+        path=np.zeros((count, MOST_WAYPOINTS, 2)), version=version, copied=np.full(count, -1),
+        goals_left=np.array(has_goals, dtype=np.int64), is_exiting=np.array([h.exits for h in humans], dtype=bool),
+        checkpoint=np.full((count, 2), math.nan), target=scene.human_table.position.copy(),
+    )  # fmt: skip
+
+
+def _journeys(scene: Scene) -> Journeys:
+    """Goals of `walking` pedestrians and tracks of recorded ones."""
+    humans, count = scene.humans, len(scene.humans)
+    goals = [human.goals if human.behaviour == "walking" else () for human in humans]
+    stays = [[*human.stays, *[0.0] * len(own)][: len(own)] for human, own in zip(humans, goals, strict=True)]
+    tracks = [human.track if human.behaviour == "recorded" else () for human in humans]
+    return zeros(
+        Journeys, count, goal_start=np.array([*accumulate(map(len, goals), initial=0)], dtype=np.int64),
+        goal=np.array([goal for own in goals for goal in own], dtype=float).reshape(-1, 2),
+        goal_stay=np.array([stay for own in stays for stay in own], dtype=float),
+        track_start=np.array([*accumulate(map(len, tracks), initial=0)], dtype=np.int64),
+        track=np.array([place for own in tracks for place in own], dtype=float).reshape(-1, 2),
+        enters=np.array([human.enters for human in humans], dtype=np.int64),
+        look_ahead=np.array([int(_TRACK_LOOK_AHEAD / scene.rules.dt + 0.5)]), place=np.full(count, -1),
+        spot=np.full((count, 2), math.nan), paths=np.array([count]),
+    )  # fmt: skip
 
 
 @kernel
-def observe(packed_state: Any, humans: Array, is_present: BoolArray) -> tuple[int, int]:
-    """Find the neighbours of all pedestrians, and the walls near them, at the beginning of a tick.
+def prepare(packed_state: Any, tick: int, robot: Array, humans: Array) -> bool:
+    """Find what surrounds all pedestrians, and decide what they do in a tick.
 
     Args:
-        packed_state: packed `CrowdState`; the state and the neighbour lists of `walkers` are filled.
-        humans: columns of `core.humans`, one row for each pedestrian of the scene.
-        is_present: (N,), pedestrians that are in the room.
+        packed_state: packed `CrowdState`; neighbour lists, walkers and intentions are filled.
+        tick: that begins.
+        robot, humans: columns of `core.state` and `core.humans`; one row for each pedestrian of the scene.
 
     Returns:
-        Number of neighbours, see `find_neighbours`, and of walls, see `find_walls`.
+        False if the lists are shorter than `CrowdState.needed`: nothing else has changed.
     """
-    state = unpack(packed_state, CrowdState)
-    walkers = state.walkers
+    crowd = unpack(packed_state, CrowdState)
+    walkers = crowd.walkers
     for k in range(len(humans)):
         walkers.position[k, 0], walkers.position[k, 1] = humans[k, X], humans[k, Y]
         walkers.velocity[k, 0], walkers.velocity[k, 1] = humans[k, VX], humans[k, VY]
-        c, s = rotation(-state.intentions.twist[k])
+        c, s = rotation(-crowd.intentions.twist[k])
         walkers.body_direction[k, 0] = humans[k, BODY_X] * c - humans[k, BODY_Y] * s
         walkers.body_direction[k, 1] = humans[k, BODY_X] * s + humans[k, BODY_Y] * c
-    total = find_neighbours(walkers, is_present, state.obstacles.view_blocks)
-    return total, find_walls(walkers, is_present, state.obstacles.solids)
-
-
-@kernel
-def decide(
-    packed_state: Any, step: int, first: int, tick: int, robot: Array, humans: Array, is_present: BoolArray,
-    is_headed: bool,
-) -> tuple[int, int]:  # fmt: skip
-    """Decide what all pedestrians do in a tick, or go on where the last call stopped for a decision.
-
-    Args:
-        packed_state: packed `CrowdState`; intentions and walkers are filled; routes, reactions and glances are updated.
-        step: where to begin, `_FOLLOW` in a new tick.
-        first: item of `Routes.order` to begin with.
-        tick: that begins.
-        robot, humans: columns of `core.state` and `core.humans`; one row for each pedestrian of the scene.
-        is_present: (N,), pedestrians that are in the room; the others are left out.
-        is_headed: whether pedestrians walk where their bodies face.
-
-    Returns:
-        What is needed, one of the constants above; and the item of `Routes.order` that needs a destination.
-    """
-    state = unpack(packed_state, CrowdState)
-    obstacles, routes, social = state.obstacles, state.routes, state.social
-    if step == _FOLLOW:
-        item = next_without_destination(routes, first, tick, humans, is_present, social.is_walking, obstacles.solids)
-        if item < len(routes.order):
-            return _NEEDS_DESTINATION, item
-        if advance_on_paths(routes, tick, humans, is_present, obstacles.space, obstacles.passable):
-            return _NEEDS_PATHS, 0
-    if step <= _TARGET:
-        set_targets(routes, humans, is_present)
-        _set_desires(state, humans, is_present)
-        give_way(state.passages, routes, state.walkers, humans, is_present, obstacles.side, obstacles.dt)
-        for k in range(len(humans)):
-            state.intentions.robot_in_sight[k] = is_present[k] and not is_crossed(
-                obstacles.view_blocks, humans[k, X], humans[k, Y], robot[X], robot[Y]
-            )
-        _react(state, robot, humans, is_present)
-    for k in range(len(humans)):
-        if not has_draws(state.glances, k) and (social.partner_count[k] > 0 or state.reactions.notices[k]):
-            return _NEEDS_DRAWS, 0
-    _orient(state, tick, humans, is_present, is_headed)
-    return _IS_DECIDED, 0
+    crowd.needed[0] = find_neighbours(walkers, crowd.is_present, crowd.obstacles.view_blocks)
+    crowd.needed[1] = find_walls(walkers, crowd.is_present, crowd.obstacles.solids)
+    if crowd.needed[0] > len(walkers.neighbour) or crowd.needed[1] > len(walkers.wall):
+        return False
+    _decide(crowd, tick, robot, humans)
+    return True
 
 
 @subroutine
-def _set_desires(state: CrowdState, humans: Array, is_present: BoolArray) -> None:
-    """Set where the pedestrians want to walk, as far as it does not depend on the robot."""
-    walkers, routes, social, intentions = state.walkers, state.routes, state.social, state.intentions
+def _decide(crowd: CrowdState, tick: int, robot: Array, humans: Array) -> None:
+    """Decide what all pedestrians do in a tick."""
+    calls, is_present, routes = crowd.calls, crowd.is_present, crowd.routes
+    call(calls.advance_tasks, (crowd, tick, robot))
+    item = 0
+    while item < routes.walkers[0]:
+        item = next_without_destination(
+            routes, item, tick, humans, is_present, crowd.company.is_walking, crowd.obstacles.solids
+        )
+        if item < routes.walkers[0]:
+            call(calls.choose_destination, (crowd, routes.order[item], tick))
+            item += 1
+    if advance_on_paths(
+        routes, tick, humans, is_present, calls.check_line, crowd.obstacles.for_space, crowd.obstacles.for_passable
+    ):
+        call(calls.find_new_paths, (crowd,))
+    set_targets(routes, humans, is_present)
+    _set_desires(crowd, humans, is_present)
+    give_way(crowd.passages, routes, crowd.walkers, humans, is_present, crowd.obstacles.side, crowd.obstacles.dt)
     for k in range(len(humans)):
-        walkers.walks[k] = social.is_walking[k] and is_present[k]
+        crowd.intentions.robot_in_sight[k] = is_present[k] and not is_crossed(
+            crowd.obstacles.view_blocks, humans[k, X], humans[k, Y], robot[X], robot[Y]
+        )
+    _react(crowd, robot, humans, is_present)
+    _orient(crowd, tick, humans, is_present)
+
+
+@subroutine
+def _set_desires(crowd: CrowdState, humans: Array, is_present: BoolArray) -> None:
+    """Set where the pedestrians want to walk, as far as it does not depend on the robot."""
+    routes, walkers = crowd.routes, crowd.walkers
+    for k in range(len(humans)):
+        walkers.walks[k] = crowd.company.is_walking[k] and is_present[k]
         dx, dy = routes.target[k, 0] - humans[k, X], routes.target[k, 1] - humans[k, Y]
         ux, uy = 0.0, 0.0
-        if social.is_walking[k]:
+        if crowd.company.is_walking[k]:
             ux, uy = unit_or(dx, dy, 1e-3, humans[k, BODY_X], humans[k, BODY_Y])
         walkers.desired_direction[k, 0], walkers.desired_direction[k, 1] = ux, uy
-        speed = min(intentions.preferred_speed[k], corner_speed(routes, k, humans[k, X], humans[k, Y]))
+        speed = min(crowd.intentions.preferred_speed[k], corner_speed(routes, k, humans[k, X], humans[k, Y]))
         if routes.is_final[k]:
             speed = min(speed, stopping_speed(length(dx, dy)))
         walkers.desired_speed[k] = speed
@@ -372,24 +362,24 @@ def _set_desires(state: CrowdState, humans: Array, is_present: BoolArray) -> Non
 
 
 @subroutine
-def _react(state: CrowdState, robot: Array, humans: Array, is_present: BoolArray) -> None:
+def _react(crowd: CrowdState, robot: Array, humans: Array, is_present: BoolArray) -> None:
     """Adjust desired directions and speeds, and the positions of standing pedestrians, to the robot."""
-    walkers, social, reactions = state.walkers, state.social, state.reactions
-    intentions, obstacles = state.intentions, state.obstacles
+    intentions, reactions, walkers, dt = crowd.intentions, crowd.reactions, crowd.walkers, crowd.obstacles.dt
+    social = crowd.company
     any_notices, any_changed = False, False
     for k in range(len(humans)):
         reactions.notices[k] = False
-        if is_present[k] and notice_robot(reactions, k, robot, humans, intentions.robot_in_sight[k], obstacles.dt):
+        if is_present[k] and notice_robot(reactions, k, robot, humans, intentions.robot_in_sight[k], dt):
             any_notices = True
     direction, speed = walkers.desired_direction, walkers.desired_speed
     for k in range(len(humans)):
         if not is_present[k]:
             continue
         if not any_notices:
-            reactions.delay[k] = max(reactions.delay[k] - 0.5 * obstacles.dt, 0.0)
+            reactions.delay[k] = max(reactions.delay[k] - 0.5 * dt, 0.0)
         elif adjust_course(
             reactions, k, robot, walkers, direction[k, 0] * speed[k], direction[k, 1] * speed[k], speed[k],
-            social.is_walking[k], obstacles.solids.table, obstacles.side, obstacles.dt,
+            social.is_walking[k], crowd.obstacles.solids.table, crowd.obstacles.side, dt,
         ):  # fmt: skip
             any_changed = True
     for k in range(len(humans)):
@@ -399,15 +389,15 @@ def _react(state: CrowdState, robot: Array, humans: Array, is_present: BoolArray
             )
         x, y = social.standing_position[k, 0], social.standing_position[k, 1]
         intentions.standing_position[k, 0], intentions.standing_position[k, 1] = step_back(
-            reactions, k, robot, x, y, walkers.radius[k], obstacles.solids
+            reactions, k, robot, x, y, walkers.radius[k], crowd.obstacles.solids
         )
 
 
 @subroutine
-def _orient(state: CrowdState, tick: int, humans: Array, is_present: BoolArray, is_headed: bool) -> None:
+def _orient(crowd: CrowdState, tick: int, humans: Array, is_present: BoolArray) -> None:
     """Choose the desired directions of bodies and heads."""
-    walkers, routes, social, reactions = state.walkers, state.routes, state.social, state.reactions
-    intentions, obstacles, dt = state.intentions, state.obstacles, state.obstacles.dt
+    intentions, walkers, social = crowd.intentions, crowd.walkers, crowd.company
+
     for k in range(len(humans)):
         if not is_present[k]:
             intentions.facing[k, 0] = intentions.gaze[k, 0] = 1.0
@@ -419,42 +409,117 @@ def _orient(state: CrowdState, tick: int, humans: Array, is_present: BoolArray, 
         pace = length(humans[k, VX], humans[k, VY])
         if pace > IDLE_SPEED or ux * to_x + uy * to_y <= 0.0:
             to_x, to_y = ux, uy
-        facing_x, facing_y = facing(k, humans, social, to_x * speed, to_y * speed, reactions, obstacles.side)
-        if is_headed and social.is_walking[k]:  # motion follows the body, so the body turns to the desired direction
+        facing_x, facing_y = facing(
+            k, humans, social, to_x * speed, to_y * speed, crowd.reactions, crowd.obstacles.side
+        )
+        if (
+            crowd.law.is_headed and social.is_walking[k]
+        ):  # motion follows the body, so the body turns to the desired direction
             facing_x, facing_y = ux, uy
         twist = 0.0
         if social.is_walking[k]:
-            twist = wanted_twist(walkers, k, obstacles.solids.table, intentions.wanted_twist[k], obstacles.side)
+            twist = wanted_twist(
+                walkers, k, crowd.obstacles.solids.table, intentions.wanted_twist[k], crowd.obstacles.side
+            )
         # The body turns by the dynamics of `critically_damped`, and so does the twist, which is a part of this turn.
         rate, limit = turn_limits(pace)
         lag = twist - intentions.twist[k]
-        change, intentions.twist_rate[k] = critically_damped(lag, intentions.twist_rate[k], rate, limit, dt)
+        change, intentions.twist_rate[k] = critically_damped(
+            lag, intentions.twist_rate[k], rate, limit, crowd.obstacles.dt
+        )
         intentions.wanted_twist[k], intentions.twist[k] = twist, intentions.twist[k] + change
         lead = max(speed * HEAD_LEAD_TIME, MINIMUM_HEAD_LEAD)
-        ahead_x, ahead_y = point_ahead(routes, k, humans[k, X], humans[k, Y], lead)
+        ahead_x, ahead_y = point_ahead(crowd.routes, k, humans[k, X], humans[k, Y], lead)
         c, s = rotation(twist)
         intentions.facing[k, 0], intentions.facing[k, 1] = facing_x * c - facing_y * s, facing_x * s + facing_y * c
         intentions.gaze[k, 0], intentions.gaze[k, 1] = gaze(
-            k, tick, humans, social, facing_x, facing_y, ahead_x, ahead_y, reactions, state.glances, dt
+            k,
+            tick,
+            humans,
+            social,
+            facing_x,
+            facing_y,
+            ahead_x,
+            ahead_y,
+            crowd.reactions,
+            crowd.glances,
+            crowd.draws,
+            crowd.obstacles.dt,
         )
 
 
 @kernel
-def total_acceleration(packed_state: Any, walking: Array, robot_x: float, robot_y: float, interval: float) -> None:
-    """Add the repulsion from the robot to the model's accelerations, hold standing pedestrians, and limit speeds.
+def accelerate(packed_state: Any, robot_x: float, robot_y: float) -> None:
+    """The accelerations of all pedestrians by a model that is a kernel.
+
+    Args:
+        packed_state: packed `CrowdState` after `prepare`; `intentions.acceleration` is filled.
+        robot_x, robot_y: m.
+    """
+    crowd = unpack(packed_state, CrowdState)
+    law, walking, obstacles = crowd.law, crowd.intentions.walking_acceleration, crowd.obstacles
+    for k in range(len(walking)):
+        walking[k, 0] = walking[k, 1] = 0.0
+    barriers, side, dt = obstacles.solids.table, float(obstacles.side), obstacles.dt
+    call(law.kernel, (law.packed_walkers, law.packed_parameters, barriers, side, dt, walking))
+    _total_acceleration(crowd, walking, robot_x, robot_y)
+
+
+@kernel
+def refresh(packed_state: Any, bodies: Array) -> None:
+    """The accelerations by a model that is evaluated several times in a tick, in the present state of the bodies.
 
     Args:
         packed_state: packed `CrowdState`; `intentions.acceleration` is filled.
-        walking: (N, 2), m/s^2, of the pedestrian model.
-        robot_x, robot_y: m.
-        interval: time to the next evaluation, s.
+        bodies: (N + 1, 4), x, y, vx, vy, m and m/s, the robot last.
     """
-    state = unpack(packed_state, CrowdState)
-    intentions, walkers, reactions = state.intentions, state.walkers, state.reactions
+    crowd = unpack(packed_state, CrowdState)
+    walkers, robot = crowd.walkers, bodies[len(bodies) - 1]
+    for k in range(len(bodies) - 1):
+        for axis in range(2):
+            walkers.position[k, axis], walkers.velocity[k, axis] = bodies[k, axis], bodies[k, 2 + axis]
+    call(crowd.calls.accelerate, (crowd, robot[0], robot[1]))
+
+
+@kernel
+def total_acceleration(packed_state: Any, walking: Array, robot_x: float, robot_y: float) -> None:
+    """Complete the accelerations of a model, (N, 2), m/s^2, see `accelerate`."""
+    _total_acceleration(unpack(packed_state, CrowdState), walking, robot_x, robot_y)
+
+
+@cache
+def _calls() -> Calls:
+    """The addresses of the kernels that kernels of pedestrians call."""
+    ends = FLOAT, FLOAT, FLOAT, FLOAT
+    return Calls(
+        find_path=address_of(find_path, PACKED, PACKED, *ends, FLOATS2, FLOATS),
+        check_place=address_of(check_place, PACKED, *ends),
+        check_line=address_of(check_line, PACKED, *ends),
+        plan_path=address_of(plan_path, PACKED, *ends, FLOATS2),
+        send=address_of(send, PACKED, INT, FLOAT, FLOAT),
+        stand=address_of(stand, PACKED, INT, *ends, INT, FLAG),
+        leave=address_of(leave, PACKED, INT, INT),
+        start_stay=address_of(start_stay, PACKED, INT, FLOAT, FLOAT, FLOAT, INT),
+        update_partners=address_of(update_partners, PACKED),
+        start_straight=address_of(start_straight, PACKED),
+        advance_tasks=address_of(advance_tasks, PACKED, INT, FLOATS),
+        choose_destination=address_of(choose_destination, PACKED, INT, INT),
+        find_new_paths=address_of(find_new_paths, PACKED),
+        prepare=address_of(prepare, PACKED, INT, FLOATS, FLOATS2),
+        accelerate=address_of(accelerate, PACKED, FLOAT, FLOAT),
+        refresh=address_of(refresh, PACKED, FLOATS2),
+    )
+
+
+@subroutine
+def _total_acceleration(crowd: CrowdState, walking: Array, robot_x: float, robot_y: float) -> None:
+    """Add the repulsion from the robot to a model's accelerations, hold standing pedestrians, and limit speeds."""
+    interval = crowd.law.interval
+    intentions, walkers = crowd.intentions, crowd.walkers
     for k in range(len(intentions.acceleration)):
         x, y, vx, vy = walkers.position[k, 0], walkers.position[k, 1], walkers.velocity[k, 0], walkers.velocity[k, 1]
         if walkers.walks[k]:
-            push_x, push_y = robot_repulsion(reactions, k, x, y, robot_x, robot_y)
+            push_x, push_y = robot_repulsion(crowd.reactions, k, x, y, robot_x, robot_y)
             ax, ay = walking[k, 0] + push_x, walking[k, 1] + push_y
         else:
             place = intentions.standing_position

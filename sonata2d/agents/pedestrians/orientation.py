@@ -23,11 +23,11 @@ from ...core.compiled.kernel import subroutine
 from ...core.compiled.packing import Floats2, Ints, zeros
 from ...core.compiled.scalar import Vector, choice, turned_towards, unit_or
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
+from ...core.philox import Draws, uniform
 from ...core.portable_math import Array
-from ...core.rng import AgentStreams
 from ...core.scene import Scene
 from .reactions import AVOIDS, CURIOUS, SCARED, STOPS, Reactions
-from .social.state import SocialArrays
+from .social.company import Company
 
 HEAD_LEAD_TIME = 1.0  # s, by which the head leads the path
 MINIMUM_HEAD_LEAD = 0.8  # m, minimum distance ahead on the path
@@ -48,8 +48,7 @@ _ROBOT_GLANCES = {
 _TALK_LOOK = (1.5, 4.0)  # s, from one face to the next, where three or more talk
 _WALK_LOOK, _WALK_PAUSE = (0.8, 1.5), (4.0, 10.0)  # s, at companions, where people walk together
 
-_DRAWS_PER_TICK = 4  # random numbers that the glances of a pedestrian need at most in a tick
-_STOCK = 16  # random numbers that are drawn at a time
+GLANCES = 2  # purpose of the random numbers
 
 
 class Glances(NamedTuple):
@@ -61,8 +60,6 @@ class Glances(NamedTuple):
             one may begin.
         partner: (N,) of int, index of the partner that is looked at, or -1.
         partner_until: (N,) of int, tick.
-        uniform: (N, 16), random numbers in [0, 1) of each pedestrian.
-        used: (N,) of int, how many of them were used.
     """
 
     times: Floats2
@@ -70,51 +67,24 @@ class Glances(NamedTuple):
     robot_next: Ints
     partner: Ints
     partner_until: Ints
-    uniform: Floats2
-    used: Ints
 
 
 def initial_glances(scene: Scene, reactions: Reactions) -> Glances:
-    """The glances at the start of an episode; random numbers are drawn later, see `refill`."""
+    """The glances at the start of an episode."""
     count = len(scene.humans)
     times = [_ROBOT_GLANCES.get(kind, _NEVER) for kind in reactions.kind.tolist()]
-    return zeros(
-        Glances, count, times=np.array(times).reshape(-1, 5), partner=np.full(count, -1),
-        uniform=np.zeros((count, _STOCK)), used=np.full(count, _STOCK),
-    )  # fmt: skip
-
-
-def refill(glances: Glances, streams: AgentStreams) -> None:
-    """Draw random numbers for all pedestrians that have fewer than they may need in a tick, in the streams' order."""
-    for k in np.flatnonzero(glances.used > _STOCK - _DRAWS_PER_TICK).tolist():
-        used = int(glances.used[k])
-        glances.uniform[k] = np.concatenate((glances.uniform[k, used:], streams[k].uniforms(used)))
-        glances.used[k] = 0
+    return zeros(Glances, count, times=np.array(times).reshape(-1, 5), partner=np.full(count, -1))
 
 
 @subroutine
-def has_draws(glances: Glances, k: int) -> bool:
-    """Whether pedestrian k has all the random numbers that a tick may need."""
-    return bool(glances.used[k] <= glances.uniform.shape[1] - _DRAWS_PER_TICK)
-
-
-@subroutine
-def _draw(glances: Glances, k: int) -> float:
-    """The next random number of pedestrian k."""
-    value: float = glances.uniform[k, glances.used[k]]
-    glances.used[k] += 1
-    return value
-
-
-@subroutine
-def _draw_ticks(glances: Glances, k: int, low: float, high: float, dt: float) -> int:
+def _draw_ticks(draws: Draws, k: int, low: float, high: float, dt: float) -> int:
     """A duration between two times, s, in ticks."""
-    return max(int((low + (high - low) * _draw(glances, k)) / dt + 0.5), 1)
+    return max(int((low + (high - low) * uniform(draws, k, GLANCES)) / dt + 0.5), 1)
 
 
 @subroutine
 def facing(
-    k: int, humans: Array, social: SocialArrays, course_x: float, course_y: float, reactions: Reactions, side: float
+    k: int, humans: Array, social: Company, course_x: float, course_y: float, reactions: Reactions, side: float
 ) -> Vector:
     """The direction that the body of pedestrian k turns to, a unit vector.
 
@@ -144,7 +114,7 @@ def facing(
 
 
 @subroutine
-def _facing_point(k: int, humans: Array, social: SocialArrays) -> Vector:
+def _facing_point(k: int, humans: Array, social: Company) -> Vector:
     """The point that a standing pedestrian faces: the partner, the centre of the group, or its facing point; m."""
     count = social.partner_count[k]
     if count == 0 or social.keeps_facing[k]:
@@ -160,8 +130,8 @@ def _facing_point(k: int, humans: Array, social: SocialArrays) -> Vector:
 
 @subroutine
 def gaze(
-    k: int, tick: int, humans: Array, social: SocialArrays, facing_x: float, facing_y: float,
-    ahead_x: float, ahead_y: float, reactions: Reactions, glances: Glances, dt: float,
+    k: int, tick: int, humans: Array, social: Company, facing_x: float, facing_y: float,
+    ahead_x: float, ahead_y: float, reactions: Reactions, glances: Glances, draws: Draws, dt: float,
 ) -> Vector:  # fmt: skip
     """The direction that the head of pedestrian k turns to, a unit vector; advances its glances by one tick.
 
@@ -171,23 +141,23 @@ def gaze(
         humans, social, reactions: as for `facing`.
         facing_x, facing_y: direction that the body turns to, unit vector.
         ahead_x, ahead_y: the point ahead on the path of a walker, m.
-        glances: updated.
+        glances, draws: updated.
         dt: tick, s.
     """
     x, y = facing_x, facing_y
     if social.is_walking[k]:
         x, y = ahead_x - humans[k, X], ahead_y - humans[k, Y]
     if social.partner_count[k] > 0:
-        other = _choose_partner(k, tick, social, glances, dt)
+        other = _choose_partner(k, tick, social, glances, draws, dt)
         if other >= 0:
             x, y = humans[other, X] - humans[k, X], humans[other, Y] - humans[k, Y]
-    if reactions.faces_robot[k] or _looks_at_robot(k, tick, humans, reactions, glances, dt):
+    if reactions.faces_robot[k] or _looks_at_robot(k, tick, humans, reactions, glances, draws, dt):
         return reactions.robot_direction[k, 0], reactions.robot_direction[k, 1]
     return unit_or(x, y, 0.3, facing_x, facing_y)
 
 
 @subroutine
-def _choose_partner(k: int, tick: int, social: SocialArrays, glances: Glances, dt: float) -> int:
+def _choose_partner(k: int, tick: int, social: Company, glances: Glances, draws: Draws, dt: float) -> int:
     """The index of the partner that pedestrian k looks at now, or -1 during a pause."""
     is_walking, count, partner = social.is_walking[k], social.partner_count[k], glances.partner[k]
     if count == 1 and not is_walking:
@@ -199,17 +169,19 @@ def _choose_partner(k: int, tick: int, social: SocialArrays, glances: Glances, d
         # Walkers start with a pause, and pause after each look; people who talk look from face to face.
         if is_walking and (partner >= 0 or tick == 0):
             partner = -1
-            duration = _draw_ticks(glances, k, _WALK_PAUSE[0], _WALK_PAUSE[1], dt)
+            duration = _draw_ticks(draws, k, _WALK_PAUSE[0], _WALK_PAUSE[1], dt)
         else:
-            partner = social.partners[k, choice(_draw(glances, k), count)]
+            partner = social.partners[k, choice(uniform(draws, k, GLANCES), count)]
             low, high = _WALK_LOOK if is_walking else _TALK_LOOK
-            duration = _draw_ticks(glances, k, low, high, dt)
+            duration = _draw_ticks(draws, k, low, high, dt)
         glances.partner[k], glances.partner_until[k] = partner, tick + duration
     return int(partner)
 
 
 @subroutine
-def _looks_at_robot(k: int, tick: int, humans: Array, reactions: Reactions, glances: Glances, dt: float) -> bool:
+def _looks_at_robot(
+    k: int, tick: int, humans: Array, reactions: Reactions, glances: Glances, draws: Draws, dt: float
+) -> bool:
     """Whether pedestrian k glances at the robot now."""
     if not reactions.notices[k] or not reactions.gap[k] < glances.times[k, _RANGE]:
         return False
@@ -218,7 +190,7 @@ def _looks_at_robot(k: int, tick: int, humans: Array, reactions: Reactions, glan
         return False
     if tick >= glances.robot_next[k]:
         times = glances.times
-        until = tick + _draw_ticks(glances, k, times[k, _LOOK], times[k, _LOOK + 1], dt)
+        until = tick + _draw_ticks(draws, k, times[k, _LOOK], times[k, _LOOK + 1], dt)
         glances.robot_until[k] = until
-        glances.robot_next[k] = until + _draw_ticks(glances, k, times[k, _PAUSE], times[k, _PAUSE + 1], dt)
+        glances.robot_next[k] = until + _draw_ticks(draws, k, times[k, _PAUSE], times[k, _PAUSE + 1], dt)
     return bool(tick < glances.robot_until[k])

@@ -1,19 +1,19 @@
 """Routes of walking pedestrians: what happens on their paths in every tick, compiled.
 
-`Wayfinding` fills `Routes` with destinations and paths. The functions here follow them: waypoints, leaders, arrivals,
+`decisions` fills `Routes` with destinations and paths. The functions here follow them: waypoints, leaders, arrivals,
 blocked paths, targets.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ...core.barrier_grid import Solids, is_crossed
+from ...core.compiled.calls import call_for_flag
 from ...core.compiled.kernel import subroutine
 from ...core.compiled.packing import Bools, Floats2, Floats3, Ints
 from ...core.compiled.scalar import Vector
-from ...core.free_space import Space, is_clear
 from ...core.humans import X, Y
 from ...core.portable_math import PI, Array, BoolArray
 
@@ -28,6 +28,7 @@ _TURNING, _BRAKING = 1.0, 1.0  # m/s^2, lateral and longitudinal, of a walker th
 _CHECK_INTERVAL = 5  # ticks between checks whether paths are still free
 _PROGRESS_INTERVAL = 30  # ticks in which a wandering pedestrian must make progress, else it chooses a new destination
 _MINIMUM_PROGRESS = 0.4  # m
+MOST_WAYPOINTS = 32  # in a row of `Routes.path`
 _ROOM_AHEAD = 1.5  # m, free distance that a follower needs to walk beside its leader, and a walker to turn at a corner
 
 
@@ -35,11 +36,15 @@ class Routes(NamedTuple):
     """Targets and paths of all pedestrians, for kernels.
 
     Attributes:
-        order: (W,) of int, the pedestrians that have a path, in the order in which they are processed.
+        order: (N,) of int, the pedestrians that have a path, in the order in which they are processed; as many as
+            `walkers`.
+        walkers: (1,) of int.
         leader: (N,) of int, for each of these the leader of its group, or the pedestrian itself; else -1.
         first: (N,) of int, the first member of the group of each pedestrian, with or without goals of its own; the
             pedestrian itself if it has no group.
         path: (N, P, 2), m, waypoints; the first `length` ones of each row are valid.
+        destination: (N, 2), m, end of the whole path.
+        is_partial: (N,) of bool, paths of more waypoints than a row of `path` holds.
         length: (N,) of int; 0 means that the pedestrian stays where it is.
         next: (N,) of int, index of the present waypoint; of an empty path -1 or 0.
         version: (N,) of int, a number of its own for every path; followers share the number of a copied path.
@@ -57,9 +62,12 @@ class Routes(NamedTuple):
     """
 
     order: Ints
+    walkers: Ints
     leader: Ints
     first: Ints
     path: Floats3
+    destination: Floats2
+    is_partial: Bools
     length: Ints
     next: Ints
     version: Ints
@@ -93,7 +101,7 @@ def next_without_destination(
     Returns:
         Item of `Routes.order` whose pedestrian needs a destination; the number of items if nobody needs one.
     """
-    for n in range(first, len(routes.order)):
+    for n in range(first, routes.walkers[0]):
         k = routes.order[n]
         if not is_present[k]:
             continue
@@ -111,7 +119,10 @@ def next_without_destination(
             for w in range(count):
                 routes.path[k, w, 0], routes.path[k, w, 1] = routes.path[leader, w, 0], routes.path[leader, w, 1]
             routes.length[k], routes.next[k] = count, min(1, count - 1)
-    return len(routes.order)
+            routes.destination[k, 0] = routes.destination[leader, 0]
+            routes.destination[k, 1] = routes.destination[leader, 1]
+            routes.is_partial[k] = routes.is_partial[leader]
+    return int(routes.walkers[0])
 
 
 @subroutine
@@ -122,8 +133,9 @@ def _needs_destination(routes: Routes, k: int, tick: int, humans: Array) -> bool
     count = routes.length[k]
     if count < 2:
         return bool(count == 0 or tick % _CHECK_INTERVAL == 0)
-    last = routes.path[k, count - 1]
-    return bool(routes.next[k] == count - 1 and is_near(humans[k, X], humans[k, Y], last[0], last[1], ARRIVAL_DISTANCE))
+    is_last = routes.next[k] == count - 1 and not routes.is_partial[k]
+    x, y = routes.destination[k, 0], routes.destination[k, 1]
+    return bool(is_last and is_near(humans[k, X], humans[k, Y], x, y, ARRIVAL_DISTANCE))
 
 
 @subroutine
@@ -134,10 +146,9 @@ def _has_settled(
 
     Its path may lead round those who stand, but not round a wall.
     """
-    count = routes.length[k]
-    if routes.is_assigned[k] or routes.is_exiting[k] or count == 0:
+    if routes.is_assigned[k] or routes.is_exiting[k] or routes.length[k] == 0:
         return False
-    x, y = routes.path[k, count - 1, 0], routes.path[k, count - 1, 1]
+    x, y = routes.destination[k, 0], routes.destination[k, 1]
     if not is_near(humans[k, X], humans[k, Y], x, y, _LARGEST_CLUSTER):
         return False
     standing = 1
@@ -161,7 +172,7 @@ def _is_stuck(routes: Routes, k: int, tick: int, humans: Array) -> bool:
 
 @subroutine
 def advance_on_paths(
-    routes: Routes, tick: int, humans: Array, is_present: BoolArray, space: Space, passable: Space
+    routes: Routes, tick: int, humans: Array, is_present: BoolArray, check_line: Ints, space: Any, passable: Any
 ) -> bool:
     """Aim at the next waypoint when the present one is reached or the next one is in view; find blocked paths.
 
@@ -170,51 +181,56 @@ def advance_on_paths(
         tick: that begins.
         humans: (N, 9), columns of `core.humans`.
         is_present: (N,).
-        space, passable: free space of paths, and of bodies.
+        check_line: address of the kernel of this name.
+        space, passable: packed free space of paths, and of bodies.
 
     Returns:
         Whether a path is blocked, see `Routes.is_blocked`.
     """
-    has_path = False
-    for n in range(len(routes.order)):
+    has_path, any_blocked = False, False
+    for n in range(routes.walkers[0]):
         k = routes.order[n]
         if not is_present[k]:
             continue
         has_path = has_path or routes.length[k] > 0
         step = routes.next[k]
+        if routes.is_partial[k] and step == routes.length[k] - 1:
+            last_x, last_y = routes.path[k, step, 0], routes.path[k, step, 1]
+            if is_near(humans[k, X], humans[k, Y], last_x, last_y, _WAYPOINT_DISTANCE):
+                routes.is_blocked[k] = True
         if step < routes.length[k] - 1:
             px, py, x, y = humans[k, X], humans[k, Y], routes.path[k, step, 0], routes.path[k, step, 1]
             if is_near(px, py, x, y, _WAYPOINT_DISTANCE):
                 # Behind a corner the way on may be near, but not in view.
                 dx, dy = routes.path[k, step + 1, 0] - px, routes.path[k, step + 1, 1] - py
                 part = min(1.0, _ROOM_AHEAD / max(math.sqrt(dx * dx + dy * dy), 1e-6))
-                is_open = is_clear(passable, px, py, px + dx * part, py + dy * part)
+                is_open = call_for_flag(check_line, (passable, px, py, px + dx * part, py + dy * part))
                 if is_open or is_near(px, py, x, y, _REACHED_DISTANCE):
                     routes.next[k] = step + 1
+        any_blocked |= routes.is_blocked[k]
     if tick % _CHECK_INTERVAL != 0 or not has_path:
-        return False
-    _find_room_abreast(routes, humans, is_present, space)
-    any_blocked = False
-    for n in range(len(routes.order)):
+        return any_blocked
+    _find_room_abreast(routes, humans, is_present, check_line, space)
+    for n in range(routes.walkers[0]):
         k = routes.order[n]
         if not is_present[k] or routes.length[k] == 0:
             continue
         px, py, step = humans[k, X], humans[k, Y], routes.next[k]
         following = min(step + 1, routes.length[k] - 1)
         x, y = routes.path[k, following, 0], routes.path[k, following, 1]
-        if is_clear(space, px, py, x, y):
+        if call_for_flag(check_line, (space, px, py, x, y)):
             routes.next[k] = following
             continue
         x, y = routes.path[k, step, 0], routes.path[k, step, 1]
-        if not is_clear(passable, px, py, x, y):
+        if not call_for_flag(check_line, (passable, px, py, x, y)):
             routes.is_blocked[k] = any_blocked = True
     return any_blocked
 
 
 @subroutine
-def _find_room_abreast(routes: Routes, humans: Array, is_present: BoolArray, space: Space) -> None:
+def _find_room_abreast(routes: Routes, humans: Array, is_present: BoolArray, check_line: Ints, space: Any) -> None:
     """Find the pedestrians with room to walk beside the first member of their group, in its direction."""
-    for n in range(len(routes.order)):
+    for n in range(routes.walkers[0]):
         k = routes.order[n]
         first = routes.first[k]
         routes.is_abreast[k] = not is_present[first]
@@ -224,18 +240,18 @@ def _find_room_abreast(routes: Routes, humans: Array, is_present: BoolArray, spa
         distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
         scale = min(distance, _ROOM_AHEAD) / distance
         x, y = humans[k, X], humans[k, Y]
-        routes.is_abreast[k] = is_clear(space, x, y, x + dx * scale, y + dy * scale)
+        routes.is_abreast[k] = call_for_flag(check_line, (space, x, y, x + dx * scale, y + dy * scale))
 
 
 @subroutine
 def set_targets(routes: Routes, humans: Array, is_present: BoolArray) -> None:
     """Set the targets to the present waypoints, and find the pedestrians that are about to stay or to leave."""
-    for n in range(len(routes.order)):
+    for n in range(routes.walkers[0]):
         k = routes.order[n]
         if is_present[k] and routes.length[k] > 0:
             step = routes.next[k]
             routes.target[k, 0], routes.target[k, 1] = routes.path[k, step, 0], routes.path[k, step, 1]
-    for n in range(len(routes.order)):
+    for n in range(routes.walkers[0]):
         k = routes.order[n]
         if not is_present[k]:
             routes.is_leaving[k] = False
@@ -247,11 +263,11 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray) -> None:
                 shifted = routes.target[leader, axis] + humans[k, X + axis] - humans[leader, X + axis]
                 routes.target[k, axis] = shifted
         stays = routes.is_assigned[k] or routes.is_stopping[k] or routes.goals_left[k] == 0
-        is_last = stays and routes.next[k] == routes.length[k] - 1
+        is_last = stays and routes.next[k] == routes.length[k] - 1 and not routes.is_partial[k]
         routes.is_final[k] = routes.length[k] > 0 and is_last and not routes.is_exiting[k]
         x, y = routes.target[k, 0], routes.target[k, 1]
         routes.is_leaving[k] = (
-            # those that leave through doors are found by `SocialDynamics`
+            # those that leave through doors are found by `advance_tasks`
             routes.is_exiting[k]
             and routes.goals_left[k] == 0
             and is_last

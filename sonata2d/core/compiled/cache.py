@@ -31,7 +31,6 @@ import numba
 from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.errors import NumbaError
-from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 
@@ -62,20 +61,6 @@ def use_cache(kernel: F) -> F:
     dispatcher.compile = files.compile
     dispatcher.__reduce__ = files.reduce
     return kernel
-
-
-class _Subroutine(CPUDispatcher):  # type: ignore[misc]
-    """A function that numba compiles as a part of kernels; it cannot be called from ordinary Python when compiled."""
-
-    def __call__(self, *arguments: Any) -> Any:
-        return self.py_func(*arguments)
-
-
-def as_subroutine(function: F) -> F:
-    """Make the interpreter run a function compiled by numba where ordinary Python calls it; returns the function."""
-    dispatcher: Any = function
-    dispatcher.__class__ = _Subroutine
-    return function
 
 
 @cache

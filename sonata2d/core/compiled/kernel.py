@@ -69,11 +69,9 @@ def subroutine(function: F) -> F:
     """Mark a function that kernels call; see the module."""
     if _numba is None:
         return function
-    from .cache import as_subroutine  # imports numba
+    from .linked import as_subroutine  # imports numba
 
-    # Without the code that converts Python's objects, which would take longer to compile than most subroutines; and
-    # inlined, because a call passes every array of a named tuple, which takes longer than the work on one pedestrian.
-    compiled: F = as_subroutine(_numba.njit(**_OPTIONS, no_cpython_wrapper=True, forceinline=True)(function))
+    compiled: F = as_subroutine(_numba.njit(**_OPTIONS, no_cpython_wrapper=True)(function))
     return compiled
 
 

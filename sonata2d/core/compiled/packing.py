@@ -137,71 +137,140 @@ def _numbers(value: Any) -> list[int]:
 
 
 if IS_COMPILED:
+    from llvmlite import ir
     from numba import from_dtype, types
     from numba.core import cgutils
-    from numba.extending import intrinsic
+    from numba.core.datamodel import models, register_default
+    from numba.core.typing.templates import AttributeTemplate
+    from numba.extending import infer_getattr, intrinsic, lower_getattr_generic
     from numba.np.arrayobj import make_array, populate_array
 
-    def _numba_type(kind: type) -> Any:
-        """Numba's type of a named tuple class."""
-        items = []
-        for field in layout(kind):
-            if field.dimensions < 0:
-                items.append(_numba_type(field.dtype))
-            elif field.dimensions == 0:
-                items.append(from_dtype(np.dtype(field.dtype)))
-            else:
-                items.append(types.Array(from_dtype(np.dtype(field.dtype)), field.dimensions, "C"))
-        return types.NamedTuple(items, kind)
+    class View(types.Type):  # type: ignore[misc]
+        """A packed named tuple inside a kernel: the address of its first field. Attributes are read where they stand.
+
+        Numba's own named tuples hold all their arrays as values, which every call and assignment copies one by one:
+        kernels took three times as long to compile.
+
+        Args:
+            kind: class of the named tuple.
+        """
+
+        def __init__(self, kind: type) -> None:
+            self.kind = kind
+            super().__init__(f"View_{kind.__name__}_{_layout_id(kind):x}")
+
+        @property
+        def key(self) -> Any:
+            return self.kind
+
+    @register_default(View)
+    class _ViewModel(models.PrimitiveModel):  # type: ignore[misc]
+        def __init__(self, manager: Any, kind: Any) -> None:
+            super().__init__(manager, kind, ir.IntType(64).as_pointer())
+
+    @infer_getattr
+    class _ViewAttributes(AttributeTemplate):  # type: ignore[misc]
+        key = View
+
+        def generic_resolve(self, view: Any, name: str) -> Any:
+            return next((_type_of(field) for field in layout(view.kind) if field.name == name), None)
+
+    @lower_getattr_generic(View)  # type: ignore[untyped-decorator]
+    def _read_attribute(context: Any, builder: Any, view: Any, words: Any, name: str) -> Any:
+        position = 0
+        for field in layout(view.kind):
+            if field.name == name:
+                return _read(context, builder, words, position, _type_of(field))
+            position += _words(field)
+        raise AttributeError(name)
+
+    def _type_of(field: _Field) -> Any:
+        """Numba's type of a field."""
+        if field.dimensions < 0:
+            return View(field.dtype)
+        kind = from_dtype(np.dtype(field.dtype))
+        return kind if field.dimensions == 0 else types.Array(kind, field.dimensions, "C")
+
+    def _words(field: _Field) -> int:
+        """Number of words of a field in a packed named tuple."""
+        return sum(map(_words, layout(field.dtype))) if field.dimensions < 0 else 1 + field.dimensions
+
+    def _read(context: Any, builder: Any, words: Any, position: int, kind: Any) -> Any:
+        """Machine code that reads a value of some type from a position on."""
+        places = (builder.gep(words, [context.get_constant(types.intp, n)]) for n in count(position))
+
+        def read() -> Any:
+            value = builder.load(next(places))
+            # Packed words never change, so that the compiler reads them once before a loop.
+            value.set_metadata("invariant.load", builder.module.add_metadata([]))
+            return value
+
+        if isinstance(kind, View):
+            return next(places)
+        if kind is types.boolean:
+            return builder.icmp_signed("!=", read(), context.get_constant(types.intp, 0))
+        if kind is types.float64:
+            return builder.bitcast(read(), context.get_value_type(kind))
+        if kind is types.int64:
+            return read()
+        data, shape = read(), [read() for _ in range(kind.ndim)]
+        return _borrow(context, builder, kind, data, shape)
+
+    def _borrow(context: Any, builder: Any, kind: Any, data: Any, shape: list[Any]) -> Any:
+        """An array at an address, whose memory belongs to the caller."""
+        array, word = make_array(kind)(context, builder), context.get_value_type(types.intp)
+        strides = [word(context.get_abi_sizeof(context.get_data_type(kind.dtype)))]
+        for length in reversed(shape[1:]):
+            strides.insert(0, builder.mul(strides[0], length))
+        populate_array(
+            array,
+            data=builder.inttoptr(data, array.data.type),
+            shape=cgutils.pack_array(builder, shape, word),
+            strides=cgutils.pack_array(builder, strides, word),
+            itemsize=strides[-1],
+            meminfo=None,
+        )
+        return array._getvalue()
+
+    def packed_again(context: Any, builder: Any, words: Any, view: Any) -> Any:
+        """The packed argument of which `words` are a view; kernels refuse that of a field, by the layout's identity."""
+        size = context.get_constant(types.intp, 1 + sum(map(_words, layout(view.kind))))
+        first = builder.gep(words, [context.get_constant(types.intp, -1)])
+        address = builder.ptrtoint(first, context.get_value_type(types.intp))
+        return _borrow(context, builder, types.Array(types.int64, 1, "C"), address, [size])
 
     @intrinsic  # type: ignore[untyped-decorator]
     def _compiled_unpack(typing_context: Any, packed: Any, kind: Any) -> Any:
+        view = View(kind.instance_class)
+
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            source = make_array(signature.args[0])(context, builder, arguments[0])
-            word = context.get_value_type(types.intp)
-            positions = count()
-            named_tuple = kind.instance_class
-
-            def read() -> Any:
-                place = context.get_constant(types.intp, next(positions))
-                return builder.load(builder.gep(source.data, [place]))
-
-            def build(kind: Any) -> Any:
-                if isinstance(kind, types.NamedTuple):
-                    return context.make_tuple(builder, kind, [build(item) for item in kind.types])
-                if kind is types.boolean:
-                    return builder.icmp_signed("!=", read(), context.get_constant(types.intp, 0))
-                if kind is types.float64:
-                    return builder.bitcast(read(), context.get_value_type(kind))
-                if kind is types.int64:
-                    return read()
-                array = make_array(kind)(context, builder)
-                data = builder.inttoptr(read(), array.data.type)
-                shape = [read() for _ in range(kind.ndim)]
-                strides = [word(context.get_abi_sizeof(context.get_data_type(kind.dtype)))]
-                for length in reversed(shape[1:]):
-                    strides.insert(0, builder.mul(strides[0], length))
-                populate_array(
-                    array,
-                    data=data,
-                    shape=cgutils.pack_array(builder, shape, word),
-                    strides=cgutils.pack_array(builder, strides, word),
-                    itemsize=strides[-1],
-                    meminfo=None,  # the memory belongs to the caller
-                )
-                return array._getvalue()
-
-            expected = context.get_constant(types.intp, _layout_id(named_tuple))
-            with cgutils.if_unlikely(builder, builder.icmp_signed("!=", read(), expected)):
-                message = f"the packed argument is not a {named_tuple.__name__}, or one of another layout"
+            words = make_array(signature.args[0])(context, builder, arguments[0]).data
+            identity = builder.load(words)
+            expected = context.get_constant(types.intp, _layout_id(view.kind))
+            with cgutils.if_unlikely(builder, builder.icmp_signed("!=", identity, expected)):
+                message = f"the packed argument is not a {view.kind.__name__}, or one of another layout"
                 context.call_conv.return_user_exc(builder, TypeError, (message,))
-            return build(signature.return_type)
+            return builder.gep(words, [context.get_constant(types.intp, 1)])
 
-        return _numba_type(kind.instance_class)(packed, kind), generate
+        return view(packed, kind), generate
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def packed_at(typing_context: Any, address: Any) -> Any:
+        """The packed argument at an address, in kernels that work on many of them."""
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            size = context.get_constant(types.intp, 1 << 32)  # not known; the identity is checked when it is unpacked
+            return _borrow(context, builder, signature.return_type, arguments[0], [size])
+
+        return types.Array(types.int64, 1, "C")(types.int64), generate
 
     unpack: Any = _compiled_unpack
 
 else:
+
+    def packed_at(address: int) -> Any:
+        """Arguments have no addresses in the interpreter."""
+        raise NotImplementedError
 
     def unpack(packed: T, kind: type[T]) -> T:
         """The named tuple that `pack` stands for, inside a kernel.

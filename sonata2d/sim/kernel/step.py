@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.barrier_grid import Solids, outline_gap
 from ...core.compiled.kernel import kernel, subroutine
-from ...core.compiled.packing import Bools, Floats, Floats2, unpack
+from ...core.compiled.packing import Bools, Floats, Floats2, Ints, unpack
 from ...core.compiled.scalar import (
     Vector,
     clipped,
@@ -18,11 +18,12 @@ from ...core.compiled.scalar import (
     shoulder_line_distance,
     to_shoulder_line,
 )
-from ...core.humans import BODY_X, BODY_Y, OMEGA, VX, VY, X, Y
-from ...core.portable_math import Array
+from ...core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, X, Y
+from ...core.portable_math import Array, BoolArray
 from ...core.state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED
 from .chipmunk import Engine, apply_forces, place, read_bodies, step_space, turn_torso
 from .posture import BODY_RATE, NECK, NECK_RATE, turn
+from .presence import Attendance, begin_attendance, follow_tracks, update_attendance
 from .rules import (
     ACCELERATION,
     AHEAD,
@@ -88,7 +89,8 @@ class Buffers(NamedTuple):
         rules: see `rules`.
         solids: walls and furniture.
         acceleration: (N, 2), m/s^2, of the pedestrians.
-        is_absent: (N,), pedestrians without forces.
+        attendance: who is absent, and feels no force.
+        sits_on: (N,) of int, see `CrowdCommands.seats`.
         may_overlap: (N,), pedestrians that may be inside solids: recorded ones, and those on seats.
         maximum_speed: (N,), m/s, of the pedestrians.
         facing, gaze: (N, 2), unit vectors of the desired headings and gazes.
@@ -104,7 +106,8 @@ class Buffers(NamedTuple):
     rules: Floats
     solids: Solids
     acceleration: Floats2
-    is_absent: Bools
+    attendance: Attendance
+    sits_on: Ints
     may_overlap: Bools
     maximum_speed: Floats
     facing: Floats2
@@ -137,7 +140,7 @@ def advance(packed_world: Any, vx: float, vy: float, omega: float, is_limited: b
         _turn_bodies(buffers)
     for k in range(count):
         for axis in range(2):
-            engine.forces[k, axis] = 0.0 if buffers.is_absent[k] else buffers.acceleration[k, axis] * MASS
+            engine.forces[k, axis] = 0.0 if buffers.attendance.is_absent[k] else buffers.acceleration[k, axis] * MASS
     for substep in range(first, end):
         _turn_torsos(buffers, int(rules[SUBSTEPS]) - substep)
         _move_robot(buffers, h)
@@ -189,7 +192,7 @@ def _turn_body(buffers: Buffers, k: int, is_pressed: bool) -> None:
 @subroutine
 def _is_stuck(buffers: Buffers, k: int) -> bool:
     """Whether pedestrian k is so deep in a solid at the start of the tick that the engine cannot move it out."""
-    if buffers.may_overlap[k] or buffers.is_absent[k]:
+    if buffers.may_overlap[k] or buffers.attendance.is_absent[k]:
         return False
     guard, humans, torso = buffers.guard, buffers.humans, buffers.guard.torso
     body = torso[k, 0], torso[k, 1], guard.radius[k], guard.shoulder[k]
@@ -355,3 +358,38 @@ def read_state(packed_world: Any) -> None:
     read_bodies(buffers.engine)
     _restore_robot(buffers)
     copy_bodies(buffers.engine.bodies, buffers.robot, buffers.humans)
+
+
+@kernel
+def begin(packed_world: Any) -> None:
+    """Place the pedestrians of the packed `Buffers` that are not where they start, and read the state."""
+    buffers = unpack(packed_world, Buffers)
+    begin_attendance(buffers.attendance, buffers.engine, buffers.rules[TICK])
+    copy_bodies(buffers.engine.bodies, buffers.robot, buffers.humans)
+
+
+@kernel
+def track(packed_world: Any, tick: int) -> None:
+    """Set the velocities of recorded pedestrians for a tick."""
+    buffers = unpack(packed_world, Buffers)
+    follow_tracks(buffers.attendance, buffers.engine, tick, buffers.rules[TICK])
+
+
+@kernel
+def enter_and_leave(packed_world: Any, tick: int, is_leaving: BoolArray, is_own_choice: BoolArray) -> bool:
+    """Let pedestrians leave and enter, see `update_attendance`; those that enter have their initial headings."""
+    buffers = unpack(packed_world, Buffers)
+    own, humans = buffers.attendance, buffers.humans
+    was_absent = own.is_absent.copy()
+    if not update_attendance(own, buffers.engine, tick, buffers.rules[TICK], is_leaving, is_own_choice):
+        return False
+    for k in range(len(was_absent)):
+        if was_absent[k] and not own.is_absent[k]:
+            x, y = own.start[k, 4], own.start[k, 5]
+            buffers.guard.torso[k, 0], buffers.guard.torso[k, 1] = x, y
+            humans[k, BODY_X], humans[k, BODY_Y], humans[k, GAZE_X], humans[k, GAZE_Y] = x, y, x, y
+            humans[k, OMEGA] = 0.0
+            for column in range(3):
+                buffers.posture[k, column] = 0.0
+    copy_bodies(buffers.engine.bodies, buffers.robot, humans)
+    return True

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sonata2d import Array
 from sonata2d.agents.pedestrians.models.base import KernelModel, Walkers, desired_acceleration, wall_acceleration
 from sonata2d.core.compiled.kernel import kernel, subroutine
+from sonata2d.core.compiled.packing import unpack
 from sonata2d.core.compiled.scalar import Vector, exp, length
 
 
@@ -44,9 +45,12 @@ def circular_acceleration(x: float, y: float, contact_distance: float, parameter
 
 
 @kernel
-def _accelerations(walkers: Walkers, parameters: Circular, barriers: Array, acceleration: Array) -> None:
-    """Accelerations of the agents that walk, into `acceleration` (M, 2), m/s^2."""
-    p, position, radius = parameters, walkers.position, walkers.radius
+def _accelerations(
+    packed_walkers: Any, packed_parameters: Any, barriers: Array, side: float, dt: float, acceleration: Array
+) -> None:
+    """Accelerations of the agents that walk, into `acceleration` (M, 2) of zeros, m/s^2."""
+    walkers, p = unpack(packed_walkers, Walkers), unpack(packed_parameters, Circular)
+    position, radius = walkers.position, walkers.radius
     for i in range(len(position)):
         if not walkers.walks[i]:
             continue
@@ -73,9 +77,4 @@ class CircularModel(KernelModel):
 
     evaluations = 1  # force evaluations in a tick of 0.1 s; stiff models need more
     headed = False  # pedestrians need not walk where their bodies face
-
-    def acceleration(self, walkers: Walkers) -> Array:
-        """(M, 2), m/s^2, world frame."""
-        acceleration = self._output(walkers)
-        _accelerations(walkers, PARAMETERS, self._barriers, acceleration)
-        return acceleration
+    parameters, kernel = PARAMETERS, staticmethod(_accelerations)

@@ -112,8 +112,7 @@ class PedestrianModel(Protocol):
 class KernelModel:
     """Base class of the models that are kernels: keeps what kernels need of a scene, in the types that they take.
 
-    Subclasses name their `kernel`, or pass `_barriers` (rows of `Barriers.table`), `_side` (+1 or -1), `_dt` (s) and
-    `_output(walkers)` to it in an `acceleration` of their own.
+    Subclasses name their `kernel`, which a crowd calls without the interpreter.
 
     Args:
         scene: its walls and furniture, the side of its rules and its tick.
@@ -129,16 +128,22 @@ class KernelModel:
     kernel: Callable[..., None]
 
     def __init__(self, scene: Scene) -> None:
-        self._barriers, self._side, self._dt = scene.barriers.table, float(scene.rules.side), float(scene.rules.dt)
-        self._parameters = pack(self.parameters) if self.parameters else None
+        # A copy, since kernels take writeable arrays.
+        self._barriers, self._side, self._dt = scene.barriers.table.copy(), float(scene.rules.side), scene.rules.dt
+        self._parameters: Any = pack(self.parameters) if self.parameters else np.zeros(1, dtype=np.int64)
         self._result = np.zeros((0, 2))
         self._walkers: Packed[Walkers] | None = None  # the last input
 
     def acceleration(self, walkers: Walkers) -> Array:
         """Acceleration of the agents that walk, by the kernel; see `PedestrianModel.acceleration`."""
         acceleration = self._output(walkers)
-        self.kernel(self._packed(walkers), self._parameters, self._barriers, self._side, self._dt, acceleration)
+        parameters = self.packed_parameters(len(acceleration))
+        self.kernel(self._packed(walkers), parameters, self._barriers, self._side, self._dt, acceleration)
         return acceleration
+
+    def packed_parameters(self, count: int) -> Any:
+        """The second argument of the kernel for a number of agents: by default the packed `parameters`."""
+        return self._parameters
 
     def _packed(self, walkers: Walkers) -> Any:
         """The packed input; agents are mostly the same arrays as at the last call."""

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....core.compiled.kernel import kernel, subroutine
-from ....core.compiled.packing import Floats, Ints, Packed, pack, unpack, zeros
+from ....core.compiled.packing import Floats, Ints, Packed, unpack, zeros
 from ....core.compiled.scalar import Vector, clipped, exp, length, rotation, turned_towards
 from ....core.portable_math import PI, Array, unit_vectors
 from ....core.rng import AgentStreams
@@ -414,6 +414,13 @@ class Memory(NamedTuple):
     looseness: Floats
 
 
+class Input(NamedTuple):
+    """Parameters and memory of the model, for the kernel."""
+
+    parameters: Sonata2026
+    memory: Memory
+
+
 _MULTIPLIER, _INCREMENT, _MASK = 1664525, 1013904223, 0xFFFFFFFF  # of the generator, modulo 2^32
 _UNIFORM_DRAWS = 4  # uniform random numbers, whose sum approximates a normal distribution
 
@@ -444,12 +451,11 @@ def deviate(memory: Memory, i: int, keep: float) -> float:
 
 @kernel
 def _accelerations(
-    packed_walkers: Any, packed_parameters: Any, packed_memory: Any, barriers: Array, side: float, dt: float,
-    acceleration: Array,
-) -> None:  # fmt: skip
+    packed_walkers: Any, packed_input: Any, barriers: Array, side: float, dt: float, acceleration: Array
+) -> None:
     """Accelerations of the agents that walk, into `acceleration` (M, 2) of zeros, m/s^2."""
-    walkers, parameters = unpack(packed_walkers, Walkers), unpack(packed_parameters, Sonata2026)
-    memory = unpack(packed_memory, Memory)
+    walkers, memory = unpack(packed_walkers, Walkers), unpack(packed_input, Input).memory
+    parameters = unpack(packed_input, Input).parameters
     p, position, velocity, radius = parameters, walkers.position, walkers.velocity, walkers.radius
     direction, desired_speed, body = walkers.desired_direction, walkers.desired_speed, walkers.body_direction
     path, value, pace = np.empty((len(position), 7)), np.empty(len(ANGLES)), np.empty(len(position))
@@ -583,28 +589,25 @@ def headway_reach(
 class Sonata2026Model(KernelModel):
     """Headway, steering, anticipation, proximity and groups; parameters in `Sonata2026`."""
 
+    kernel = staticmethod(_accelerations)
+
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
-        self._parameters = pack(PARAMETERS)  # read here, so that `benchmarks/calibrate.py` can replace it
         self._seeds, self._ids = (scene.seed, scene.episode), scene.human_table.id.tolist()
-        self._memory = Packed(zeros(Memory, 0))
+        # Read here, so that `benchmarks/calibrate.py` can replace the parameters.
+        self._input = Packed(Input(PARAMETERS, zeros(Memory, 0)))
 
-    def acceleration(self, walkers: Walkers) -> Array:
-        acceleration = self._output(walkers)
-        if len(acceleration) > len(self._memory.value.generator):
-            self._add_agents(len(acceleration))
-        _accelerations(
-            self._packed(walkers), self._parameters, self._memory.argument, self._barriers, self._side, self._dt,
-            acceleration,
-        )  # fmt: skip
-        return acceleration
+    def packed_parameters(self, count: int) -> Any:
+        if count > len(self._input.value.memory.generator):
+            self._add_agents(count)
+        return self._input.argument
 
     def _add_agents(self, count: int) -> None:
         """Extend the memory to a number of agents, which may exceed the number of humans: a robot can be an agent."""
-        known, ids = self._memory.value, self._ids
+        known, ids = self._input.value.memory, self._ids
         others = range(max(ids, default=0) + 1, max(ids, default=0) + 1 + max(count - len(ids), 0))
         streams = AgentStreams(*self._seeds, "deviations", [*ids, *others])
         added = np.array([streams[k].integer(0, _MASK) for k in range(len(known.generator), count)], dtype=np.int64)
         new = zeros(Memory, len(added), generator=added, looseness=np.full(len(added), math.nan))
         extended: Any = map(np.concatenate, zip(known, new, strict=True))
-        self._memory = Packed(Memory(*extended))
+        self._input = Packed(Input(self._input.value.parameters, Memory(*extended)))

@@ -1,102 +1,125 @@
-"""F-formations: where a newcomer stands in a talking group, and how large the circle of a group is."""
+"""F-formations: where a newcomer stands in a talking group, and how large the circle of a group is.
+
+Source: the F-formation of A. Kendon, Conducting Interaction (1990): members share a space to which all have equal
+access, and rearrange themselves when another one joins.
+"""
 
 from __future__ import annotations
 
-from itertools import combinations
+import math
 
-from ....core.geometry import Point
-from ....core.vectors import length
+import numpy as np
+
+from ....core.compiled.kernel import subroutine
+from ....core.compiled.scalar import Vector, length
+from ....core.portable_math import Array
 
 MAXIMUM_MEMBERS = 6
 PAIR_DISTANCE = 1.0  # m, between two people who talk
-_MINIMUM_RADIUS = {1: 0.0, 2: 0.5, 3: 0.6, 4: 0.7, 5: 0.85, 6: 1.0}  # m, of the circle, by number of members
+_MINIMUM_RADIUS = np.array([0.0, 0.0, 0.5, 0.6, 0.7, 0.85, 1.0])  # m, of the circle, by number of members
 _MAXIMUM_TRIANGLE_HEIGHT = 1.2  # m, from the middle of two members to the third
 # Directions from a member that stands alone, (cos, sin) relative to its own direction: ahead, half left, half right.
-_DIRECTIONS = ((1.0, 0.0), (0.7071, 0.7071), (0.7071, -0.7071))
+_DIRECTIONS = np.array([(1.0, 0.0), (0.7071, 0.7071), (0.7071, -0.7071)])
+_NEAREST, _DISTANCE, CENTRE_X, CENTRE_Y, POSITION_X, POSITION_Y = range(6)  # columns of ranked positions
+MOST_POSITIONS = MAXIMUM_MEMBERS * MAXIMUM_MEMBERS
 
 
-def joining_positions(members: list[Point], facing_point: Point, newcomer: Point) -> list[tuple[Point, Point]]:
+@subroutine
+def joining_positions(
+    members: Array, facing_x: float, facing_y: float, newcomer_x: float, newcomer_y: float, ranked: Array
+) -> int:
     """Where a newcomer can stand, best position first, with the centre of the resulting formation.
 
     All members have equal access to a formation: a newcomer takes the widest gap, of equal gaps the nearer one.
 
     Args:
-        members: positions of the members, m; a pedestrian that stands alone is a formation of one.
-        facing_point: the point that a single member faces, m.
-        newcomer: position of the newcomer, m.
+        members: (M, 2), positions of the members, m; a pedestrian that stands alone is a formation of one.
+        facing_x, facing_y: the point that a single member faces, m.
+        newcomer_x, newcomer_y: position of the newcomer, m.
+        ranked: (36, 6), is filled; the last columns are centre and position, m.
 
     Returns:
-        Pairs of centre and position, m.
-
-    Source: the F-formation of A. Kendon, Conducting Interaction (1990): members share a space to which all have equal
-    access, and rearrange themselves when another one joins.
+        Number of rows.
     """
+    count = 0
     if len(members) == 1:
-        return _facing_positions(members[0], facing_point, newcomer)
-    if len(members) == 2:
-        return _triangle_positions(members[0], members[1], newcomer)
-    centre = _mean(members)
-    spokes = [_unit(x - centre[0], y - centre[1]) for x, y in members]  # unit vectors from the centre
-    radius = max(*(length(x - centre[0], y - centre[1]) for x, y in members), _MINIMUM_RADIUS[len(members) + 1])
-    ranked = []
-    for a, b in combinations(spokes, 2):
-        x, y = a[0] + b[0], a[1] + b[1]
-        if length(x, y) < 0.05:  # opposite members: the bisector is undefined
-            continue
-        bisector = _unit(x, y)
-        for ux, uy in (bisector, (-bisector[0], -bisector[1])):
-            # The largest cosine to a member: the smaller, the wider the gap. Rounded, so that equal gaps compare equal.
-            nearest = round(max(ux * s + uy * t for s, t in spokes), 1)
-            position = centre[0] + radius * ux, centre[1] + radius * uy
-            ranked.append((nearest, distance(position, newcomer), position))
-    return [(centre, position) for _, _, position in sorted(ranked)]
+        ux, uy = _unit(facing_x - members[0, 0], facing_y - members[0, 1])
+        for rank in range(len(_DIRECTIONS)):  # straight ahead first, then half aside
+            c, s = _DIRECTIONS[rank, 0], _DIRECTIONS[rank, 1]
+            dx, dy = PAIR_DISTANCE * (ux * c - uy * s), PAIR_DISTANCE * (uy * c + ux * s)
+            row, count = ranked[count], count + 1
+            row[_NEAREST], row[CENTRE_X], row[CENTRE_Y] = min(rank, 1), members[0, 0] + dx / 2, members[0, 1] + dy / 2
+            row[POSITION_X], row[POSITION_Y] = members[0, 0] + dx, members[0, 1] + dy
+    elif len(members) == 2:
+        # An equilateral triangle with the two members, a flatter one if they stand far apart
+        along_x, along_y = members[1, 0] - members[0, 0], members[1, 1] - members[0, 1]
+        ux, uy = _unit(along_x, along_y)
+        height = min(max(0.866 * length(along_x, along_y), 1.5 * _MINIMUM_RADIUS[3]), _MAXIMUM_TRIANGLE_HEIGHT)
+        x, y = (members[0, 0] + members[1, 0]) / 2, (members[0, 1] + members[1, 1]) / 2
+        for side in range(1, -2, -2):
+            dx, dy = -uy * height * side, ux * height * side
+            row, count = ranked[count], count + 1
+            row[_NEAREST], row[CENTRE_X], row[CENTRE_Y] = 0.0, x + dx / 3, y + dy / 3
+            row[POSITION_X], row[POSITION_Y] = x + dx, y + dy
+    else:
+        count = _gap_positions(members, ranked)
+    for n in range(count):
+        ranked[n, _DISTANCE] = length(ranked[n, POSITION_X] - newcomer_x, ranked[n, POSITION_Y] - newcomer_y)
+        m = n
+        while m > 0 and _comes_before(ranked[m], ranked[m - 1]):
+            for column in range(6):
+                ranked[m, column], ranked[m - 1, column] = ranked[m - 1, column], ranked[m, column]
+            m -= 1
+    return count
 
 
-def widen(member: Point, centre: Point, count: int) -> Point:
+@subroutine
+def _gap_positions(members: Array, ranked: Array) -> int:
+    """Positions on the bisectors of all pairs of three members or more."""
+    size, count, x, y = len(members), 0, 0.0, 0.0
+    for n in range(size):
+        x, y = x + members[n, 0], y + members[n, 1]
+    x, y, radius = x / size, y / size, _MINIMUM_RADIUS[size + 1]
+    spokes = np.empty((size, 2))  # unit vectors from the centre
+    for n in range(size):
+        spokes[n, 0], spokes[n, 1] = _unit(members[n, 0] - x, members[n, 1] - y)
+        radius = max(radius, length(members[n, 0] - x, members[n, 1] - y))
+    for a in range(size):
+        for b in range(a + 1, size):
+            dx, dy = spokes[a, 0] + spokes[b, 0], spokes[a, 1] + spokes[b, 1]
+            if length(dx, dy) < 0.05:  # opposite members: the bisector is undefined
+                continue
+            dx, dy = _unit(dx, dy)
+            for sign in range(1, -2, -2):
+                ux, uy, nearest = sign * dx, sign * dy, -1.0
+                for n in range(size):
+                    nearest = max(nearest, ux * spokes[n, 0] + uy * spokes[n, 1])
+                row, count = ranked[count], count + 1
+                # The largest cosine to a member: the smaller, the wider the gap. Rounded, so that equal gaps compare
+                # equal.
+                row[_NEAREST], row[CENTRE_X], row[CENTRE_Y] = math.floor(10.0 * nearest + 0.5), x, y
+                row[POSITION_X], row[POSITION_Y] = x + radius * ux, y + radius * uy
+    return count
+
+
+@subroutine
+def _comes_before(row: Array, other: Array) -> bool:
+    """Whether a ranked position is better than another one; of equal ones, the one with the smaller coordinates."""
+    for column in range(6):
+        if row[column] != other[column]:
+            return bool(row[column] < other[column])
+    return False
+
+
+@subroutine
+def widened(x: float, y: float, centre_x: float, centre_y: float, count: int) -> Vector:
     """Where a member of a formation of `count` stands: moved outwards to the minimum radius if it is nearer, m."""
-    dx, dy = member[0] - centre[0], member[1] - centre[1]
+    dx, dy = x - centre_x, y - centre_y
     scale = _MINIMUM_RADIUS[min(count, MAXIMUM_MEMBERS)] / max(length(dx, dy), 1e-6)
-    return member if scale <= 1.0 else (centre[0] + dx * scale, centre[1] + dy * scale)
+    return (x, y) if scale <= 1.0 else (centre_x + dx * scale, centre_y + dy * scale)
 
 
-def distance(a: Point, b: Point) -> float:
-    """Distance of two points, m."""
-    return length(a[0] - b[0], a[1] - b[1])
-
-
-def _facing_positions(member: Point, facing_point: Point, newcomer: Point) -> list[tuple[Point, Point]]:
-    """Positions opposite a single member: straight ahead first, then half aside, the nearer side first."""
-    ux, uy = _unit(facing_point[0] - member[0], facing_point[1] - member[1])
-    ranked = []
-    for rank, (c, s) in enumerate(_DIRECTIONS):
-        x, y = PAIR_DISTANCE * (ux * c - uy * s), PAIR_DISTANCE * (uy * c + ux * s)
-        position = member[0] + x, member[1] + y
-        centre = (member[0] + x / 2, member[1] + y / 2)
-        ranked.append((min(rank, 1), distance(position, newcomer), centre, position))
-    return [(centre, position) for _, _, centre, position in sorted(ranked)]
-
-
-def _triangle_positions(a: Point, b: Point, newcomer: Point) -> list[tuple[Point, Point]]:
-    """Positions that form an equilateral triangle with two members, a flatter one if they stand far apart."""
-    (ax, ay), (bx, by) = a, b
-    ux, uy = _unit(bx - ax, by - ay)
-    height = min(max(0.866 * length(bx - ax, by - ay), 1.5 * _MINIMUM_RADIUS[3]), _MAXIMUM_TRIANGLE_HEIGHT)
-    ranked = []
-    for side in (1.0, -1.0):
-        x, y = -uy * height * side, ux * height * side
-        position = ((ax + bx) / 2 + x, (ay + by) / 2 + y)
-        centre = ((ax + bx) / 2 + x / 3, (ay + by) / 2 + y / 3)
-        ranked.append((distance(position, newcomer), centre, position))
-    return [(centre, position) for _, centre, position in sorted(ranked)]
-
-
-def _mean(points: list[Point]) -> Point:
-    x = y = 0.0
-    for point in points:
-        x, y = x + point[0], y + point[1]
-    return x / len(points), y / len(points)
-
-
-def _unit(x: float, y: float) -> Point:
+@subroutine
+def _unit(x: float, y: float) -> Vector:
     size = max(length(x, y), 1e-9)
     return x / size, y / size
