@@ -17,20 +17,14 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from ..core.compiled.kernel import kernel, subroutine
-from ..core.compiled.packing import Ints, Ints2
-from ..core.compiled.scalar import clipped
-from ..core.entities import Furniture
+from ..core.compiled.packing import Ints
 from ..core.floats import FloatFields
 from ..core.furniture_types import OBJECT_TYPES
-from ..core.geometry import Disc
-from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, X, Y
-from ..core.portable_math import Array, IntArray
+from ..core.portable_math import Array
 from ..core.relations import ACTIVITIES, RELATIONS
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
-from ..core.state import HUMAN_SIZE, ROBOT_SIZE
-from ..registry import OBSERVATION_PARTS, furniture_type
+from ..registry import OBSERVATION_PARTS
 
 _ENTITIES = frozenset({"robot", "goal", "humans", "objects", "walls"})
 Floats32 = NDArray[np.float32]
@@ -86,14 +80,11 @@ class Rows(NamedTuple):
 
     Args:
         humans, objects, walls: (H,), (M,), (W,), index in the scene of the entity in each row; -1: none.
-        interactions: (I, 3), row of the pedestrian, relation (into `RELATIONS`), row of the other entity: pedestrians
-            from 0, objects from H; 0 in rows without an interaction.
     """
 
     humans: Ints
     objects: Ints
     walls: Ints
-    interactions: Ints2
 
 
 class ObservationPart:
@@ -169,7 +160,7 @@ class SnapshotPart(ObservationPart):
         """Begin an episode; for values that stay the same in it."""
 
     def fill(self, snapshot: Snapshot, rows: Rows, out: NDArray[Any]) -> None:
-        """Write the values.
+        """Write the values; those of the parts in `STANDARD` are written by one kernel (`sight.py`) instead.
 
         Args:
             snapshot: of the scene given to `begin`.
@@ -250,26 +241,12 @@ class Robot(SnapshotPart):
         Column("time"),
     )  # fmt: skip
 
-    def begin(self, scene: Scene) -> None:
-        self._radius, self._time_limit = scene.robot.radius, scene.rules.time_limit
-
-    def fill(self, snapshot: Snapshot, rows: Rows, out: NDArray[Any]) -> None:
-        _fill_robot(snapshot.state.row, self._radius, min(snapshot.time / self._time_limit, 1.0), out)
-
 
 class Goal(SnapshotPart):
     """Position, direction of the goal's heading, and the distance and the angle (rad) at which it is reached."""
 
     name, about = "goal", frozenset({"goal"})
     columns = (*point(), *direction(), Column("distance", "m", FARTHEST), Column("angle", "rad", math.pi + 0.01))
-
-    def begin(self, scene: Scene) -> None:
-        goal = scene.goal
-        heading = (math.cos(goal.theta), math.sin(goal.theta))
-        self._row = np.array([goal.x, goal.y, *heading, min(goal.distance, FARTHEST), goal.angle])
-
-    def fill(self, snapshot: Snapshot, rows: Rows, out: NDArray[Any]) -> None:
-        _fill_goal(snapshot.state.row, self._row, out)
 
 
 class Humans(SnapshotPart):
@@ -282,22 +259,12 @@ class Humans(SnapshotPart):
         Column("shoulder", "m", FARTHEST),
     )  # fmt: skip
 
-    def begin(self, scene: Scene) -> None:
-        bodies = [(human.radius, human.shoulder) for human in scene.humans]
-        self._bodies = np.array(bodies, dtype=float).reshape(-1, 2)
-
-    def fill(self, snapshot: Snapshot, rows: Rows, out: NDArray[Any]) -> None:
-        _fill_humans(snapshot.state.row, self._bodies, rows.humans, out)
-
 
 class Activities(SnapshotPart):
     """Activity of each pedestrian."""
 
     name, about, rows_of = "activities", frozenset({"humans"}), "humans"
     columns = (Column("activity", values=ACTIVITIES),)
-
-    def fill(self, snapshot: Snapshot, rows: Rows, out: NDArray[Any]) -> None:
-        _pick(snapshot.state.activity, rows.humans, out)
 
 
 class Objects(SnapshotPart):
@@ -308,13 +275,6 @@ class Objects(SnapshotPart):
         *point(), *direction(), Column("length", "m", FARTHEST), Column("width", "m", FARTHEST), Column("is_disc"),
     )  # fmt: skip
 
-    def begin(self, scene: Scene) -> None:
-        rows = [_object_row(piece) for piece in scene.furniture]
-        self._objects = np.array(rows, dtype=float).reshape(-1, len(self.columns))
-
-    def fill(self, snapshot: Snapshot, rows: Rows, out: NDArray[Any]) -> None:
-        _fill_objects(snapshot.state.row, self._objects, rows.objects, out)
-
 
 class ObjectTypes(SnapshotPart):
     """Type of each piece of furniture."""
@@ -322,24 +282,12 @@ class ObjectTypes(SnapshotPart):
     name, about, rows_of = "object_types", frozenset({"objects"}), "objects"
     columns = (Column("type", values=OBJECT_TYPES),)
 
-    def begin(self, scene: Scene) -> None:
-        self._types = np.array([furniture_type(piece.type).number for piece in scene.furniture], dtype=np.int64)
-
-    def fill(self, snapshot: Snapshot, rows: Rows, out: NDArray[Any]) -> None:
-        _pick(self._types, rows.objects, out)
-
 
 class Walls(SnapshotPart):
     """Both ends; a wall ends where it is 100 m ahead, behind or aside."""
 
     name, about, rows_of = "walls", frozenset({"walls"}), "walls"
     columns = (*point("start_x", "start_y"), *point("end_x", "end_y"))
-
-    def begin(self, scene: Scene) -> None:
-        self._walls = wall_ends(scene)
-
-    def fill(self, snapshot: Snapshot, rows: Rows, out: NDArray[Any]) -> None:
-        _fill_walls(snapshot.state.row, self._walls, rows.walls, out)
 
 
 class Interactions(SnapshotPart):
@@ -354,9 +302,6 @@ class Interactions(SnapshotPart):
         high = np.array([max(sizes["humans"] - 1, 1), len(RELATIONS) - 1, ends], dtype=np.int64)
         high = np.tile(high, (sizes["interactions"], 1))
         return spaces.Box(np.zeros_like(high), high, dtype=np.int64)
-
-    def fill(self, snapshot: Snapshot, rows: Rows, out: NDArray[Any]) -> None:
-        out[:] = rows.interactions
 
 
 STANDARD: tuple[type[SnapshotPart], ...] = (
@@ -396,125 +341,3 @@ def table_of(part: type[ObservationPart], observation: Observation) -> Table:
         return Table(part, observation[part.name])
     rows = observation[part.name][observation[f"{part.rows_of}_mask"] > 0.0]
     return Table(part, rows.reshape(-1, len(part.columns)))
-
-
-def _object_row(piece: Furniture) -> tuple[float, ...]:
-    """Columns of `Objects`, world frame."""
-    shape, pose, is_disc = piece.shape, piece.pose, isinstance(piece.shape, Disc)
-    length, width = shape.sides
-    return *pose.position, *pose.direction, min(length, FARTHEST), min(width, FARTHEST), float(is_disc)
-
-
-def wall_ends(scene: Scene) -> Array:
-    """Columns of `Walls`, world frame; (W, 4)."""
-    return np.array([(*wall.start, *wall.end) for wall in scene.walls], dtype=float).reshape(-1, 4)
-
-
-# First columns of the vectors, and the other columns, by part.
-_VELOCITY, _TURN_RATE, _ROBOT_RADIUS, _TIME = places(Robot, "vx", "omega", "radius", "time")
-_GOAL_POINT, _GOAL_HEADING, _DISTANCE, _ANGLE = places(Goal, "x", "cos", "distance", "angle")
-_HUMAN_POINT, _HUMAN_VELOCITY, _BODY, _GAZE, _HUMAN_OMEGA, _RADIUS, _SHOULDER = places(
-    Humans, "x", "vx", "cos", "gaze_cos", "omega", "radius", "shoulder"
-)
-_OBJECT_POINT, _OBJECT_DIRECTION, _LENGTH = places(Objects, "x", "cos", "length")
-_START, _END = places(Walls, "start_x", "end_x")
-
-# The kernels take the `row` of a `State`, which begins with the robot's pose.
-
-
-@kernel
-def _fill_robot(row: Array, radius: float, time: float, out: Floats32) -> None:
-    _put_vector(out, _VELOCITY, row[VX], row[VY], row, FASTEST)
-    out[_TURN_RATE] = clipped(row[OMEGA], -FASTEST_TURN, FASTEST_TURN)
-    out[_ROBOT_RADIUS], out[_TIME] = radius, time
-
-
-@kernel
-def _fill_goal(row: Array, goal: Array, out: Floats32) -> None:
-    _put_point(out, _GOAL_POINT, goal[_GOAL_POINT], goal[_GOAL_POINT + 1], row)
-    _put_vector(out, _GOAL_HEADING, goal[_GOAL_HEADING], goal[_GOAL_HEADING + 1], row, 1.0)
-    out[_DISTANCE], out[_ANGLE] = goal[_DISTANCE], goal[_ANGLE]
-
-
-@kernel
-def _fill_humans(row: Array, bodies: Array, index: IntArray, out: Floats32) -> None:
-    for n in range(len(index)):
-        k = index[n]
-        if k < 0:
-            continue
-        human, target = row[ROBOT_SIZE + HUMAN_SIZE * k : ROBOT_SIZE + HUMAN_SIZE * (k + 1)], out[n]
-        _put_point(target, _HUMAN_POINT, human[X], human[Y], row)
-        _put_vector(target, _HUMAN_VELOCITY, human[VX], human[VY], row, FASTEST)
-        _put_vector(target, _BODY, human[BODY_X], human[BODY_Y], row, 1.0)
-        _put_vector(target, _GAZE, human[GAZE_X], human[GAZE_Y], row, 1.0)
-        target[_HUMAN_OMEGA] = clipped(human[OMEGA], -FASTEST_TURN, FASTEST_TURN)
-        target[_RADIUS], target[_SHOULDER] = bodies[k, 0], bodies[k, 1]
-
-
-@kernel
-def _fill_objects(row: Array, objects: Array, index: IntArray, out: Floats32) -> None:
-    for n in range(len(index)):
-        if index[n] < 0:
-            continue
-        piece, target = objects[index[n]], out[n]
-        _put_point(target, _OBJECT_POINT, piece[_OBJECT_POINT], piece[_OBJECT_POINT + 1], row)
-        _put_vector(target, _OBJECT_DIRECTION, piece[_OBJECT_DIRECTION], piece[_OBJECT_DIRECTION + 1], row, 1.0)
-        for column in range(_LENGTH, len(piece)):
-            target[column] = piece[column]
-
-
-@kernel
-def _fill_walls(row: Array, walls: Array, index: IntArray, out: Floats32) -> None:
-    for n in range(len(index)):
-        if index[n] >= 0:
-            put_wall(out[n], walls[index[n]], row)
-
-
-@kernel
-def _pick(values: IntArray, index: IntArray, out: IntArray) -> None:
-    """Write the value of the entity of each row."""
-    for n in range(len(index)):
-        if index[n] >= 0:
-            out[n] = values[index[n]]
-
-
-@subroutine
-def _put_point(out: Floats32, at: int, x: float, y: float, row: Array) -> None:
-    """Write a point in the robot's frame, m."""
-    _put_vector(out, at, x - row[X], y - row[Y], row, FARTHEST)
-
-
-@subroutine
-def _put_vector(out: Floats32, at: int, x: float, y: float, row: Array, limit: float) -> None:
-    """Write a vector along the robot's axes, shortened so that no component exceeds a limit."""
-    ahead, left = x * row[BODY_X] + y * row[BODY_Y], y * row[BODY_X] - x * row[BODY_Y]
-    factor = limit / max(abs(ahead), abs(left), limit)
-    out[at], out[at + 1] = clipped(ahead * factor, -limit, limit), clipped(left * factor, -limit, limit)
-
-
-@subroutine
-def put_wall(out: Floats32, wall: Array, row: Array) -> bool:
-    """Write the part of a wall whose coordinates in the robot's frame do not exceed `FARTHEST`; False if all do.
-
-    Source: Y.-D. Liang & B. Barsky, ACM Trans. Graph. 3 (1984) 1: clipping of lines.
-    """
-    x, y, c, s = row[X], row[Y], row[BODY_X], row[BODY_Y]
-    start_x, start_y = (wall[0] - x) * c + (wall[1] - y) * s, (wall[1] - y) * c - (wall[0] - x) * s
-    dx, dy = (wall[2] - x) * c + (wall[3] - y) * s - start_x, (wall[3] - y) * c - (wall[2] - x) * s - start_y
-    first, last = 0.0, 1.0
-    for start, change in ((start_x, dx), (start_y, dy)):
-        for side in (-1.0, 1.0):
-            room, approach = FARTHEST - side * start, side * change
-            if approach == 0.0:
-                if room < 0.0:
-                    return False
-            elif approach > 0.0:
-                last = min(last, room / approach)
-            else:
-                first = max(first, room / approach)
-    if first > last:
-        return False
-    for at, part in ((_START, first), (_END, last)):
-        out[at] = clipped(start_x + part * dx, -FARTHEST, FARTHEST)
-        out[at + 1] = clipped(start_y + part * dy, -FARTHEST, FARTHEST)
-    return True
