@@ -20,6 +20,7 @@ from .datasets.dataset import Dataset as Dataset
 from .datasets.generate.run import generate_dataset as generate_dataset
 from .datasets.workers.executors import Workers as Workers
 from .errors import Sonata2dError as Sonata2dError
+from .gym.worlds import Worlds as Worlds
 from .metrics.comparison import Comparison as Comparison
 from .metrics.evaluating import evaluate as evaluate
 from .record.reader import read_episode as read_episode

@@ -30,7 +30,27 @@ class Reward(Protocol):
 def goal_distance(snapshot: Snapshot) -> float:
     """Distance between the robot's centre and the goal, m."""
     row, goal = snapshot.state.row, snapshot.scene.goal
-    return math.hypot(goal.x - row[X], goal.y - row[Y])
+    return length(goal.x - float(row[X]), goal.y - float(row[Y]))
+
+
+class BuiltIn(FloatFields):
+    """Base class of the rewards that are functions of a few numbers, which `Worlds` computes without snapshots."""
+
+    def of(self, progress: float, gap: float, has_contact: bool, status: str | None, dt: float) -> float:
+        """The reward of a step.
+
+        Args:
+            progress: by which the distance to the goal has fallen, m.
+            gap: to the nearest pedestrian, m; infinite without any.
+            has_contact: whether the robot touches something.
+            status: of the outcome, if the step ends the episode.
+            dt: s.
+        """
+        raise NotImplementedError
+
+    def __call__(self, before: Snapshot, after: Snapshot, outcome: Outcome | None) -> float:
+        progress, status = goal_distance(before) - goal_distance(after), None if outcome is None else outcome.status
+        return self.of(progress, human_clearance(after), bool(after.contacts), status, after.dt)
 
 
 def human_clearance(snapshot: Snapshot) -> float:
@@ -41,18 +61,18 @@ def human_clearance(snapshot: Snapshot) -> float:
 
 
 @dataclass(frozen=True)
-class Sparse(FloatFields):
+class Sparse(BuiltIn):
     """A reward at the goal, a penalty at each contact, nothing else."""
 
     goal: float = 1.0
     contact: float = -1.0
 
-    def __call__(self, before: Snapshot, after: Snapshot, outcome: Outcome | None) -> float:
-        return _at_end(self.goal, outcome) + (self.contact if after.contacts else 0.0)
+    def of(self, progress: float, gap: float, has_contact: bool, status: str | None, dt: float) -> float:
+        return (self.goal if status == "goal" else 0.0) + (self.contact if has_contact else 0.0)
 
 
 @dataclass(frozen=True)
-class Distance(FloatFields):
+class Distance(BuiltIn):
     """Progress towards the goal, a reward there, and penalties for contacts, closeness to people and time.
 
     Attributes:
@@ -73,15 +93,15 @@ class Distance(FloatFields):
     comfort: float = 0.45
     time: float = -0.1
 
-    def __call__(self, before: Snapshot, after: Snapshot, outcome: Outcome | None) -> float:
-        nearness = max(1.0 - max(human_clearance(after), 0.0) / self.comfort, 0.0)
-        reward = self.progress * (goal_distance(before) - goal_distance(after)) + _at_end(self.goal, outcome)
-        contact = self.contact if after.contacts else 0.0
-        return reward + (contact + self.closeness * nearness + self.time) * after.dt
+    def of(self, progress: float, gap: float, has_contact: bool, status: str | None, dt: float) -> float:
+        nearness = max(1.0 - max(gap, 0.0) / self.comfort, 0.0)
+        reward = self.progress * progress + (self.goal if status == "goal" else 0.0)
+        contact = self.contact if has_contact else 0.0
+        return reward + (contact + self.closeness * nearness + self.time) * dt
 
 
 @dataclass(frozen=True)
-class CrowdNav(FloatFields):
+class CrowdNav(BuiltIn):
     """The reward of CADRL and CrowdNav: at the goal, at contacts, and for gaps to people below 0.2 m.
 
     Source: Y. Chen et al., ICRA 2017 (CADRL), eq. 3; C. Chen et al., ICRA 2019 (Crowd-Robot Interaction), eq. 2.
@@ -91,17 +111,16 @@ class CrowdNav(FloatFields):
     contact: float = -0.25
     comfort: float = 0.2
 
-    def __call__(self, before: Snapshot, after: Snapshot, outcome: Outcome | None) -> float:
-        if after.contacts:
+    def of(self, progress: float, gap: float, has_contact: bool, status: str | None, dt: float) -> float:
+        if has_contact:
             return self.contact
-        gap = human_clearance(after)
         if gap < self.comfort:
             return 0.5 * (max(gap, 0.0) - self.comfort)
-        return _at_end(self.goal, outcome)
+        return self.goal if status == "goal" else 0.0
 
 
 @dataclass(frozen=True)
-class Dsrnn(FloatFields):
+class Dsrnn(BuiltIn):
     """The reward of DSRNN: at the goal, at contacts, for gaps to people below 0.25 m, and else for progress.
 
     Source: S. Liu et al., ICRA 2021 (Decentralized Structural-RNN), eq. 1.
@@ -113,19 +132,18 @@ class Dsrnn(FloatFields):
     closeness: float = 2.5
     progress: float = 2.0
 
-    def __call__(self, before: Snapshot, after: Snapshot, outcome: Outcome | None) -> float:
-        if outcome is not None and outcome.status == "goal":
+    def of(self, progress: float, gap: float, has_contact: bool, status: str | None, dt: float) -> float:
+        if status == "goal":
             return self.goal
-        if after.contacts:
+        if has_contact:
             return self.contact
-        gap = human_clearance(after)
         if gap < self.comfort:
             return self.closeness * (max(gap, 0.0) - self.comfort)
-        return self.progress * (goal_distance(before) - goal_distance(after))
+        return self.progress * progress
 
 
 @dataclass(frozen=True)
-class SocNavGym(FloatFields):
+class SocNavGym(BuiltIn):
     """The DSRNN-like reward of SocNavGym, whose closeness counts below 0.6 m and per second.
 
     Its penalty outside the map is missing: the robot cannot leave the room.
@@ -141,16 +159,16 @@ class SocNavGym(FloatFields):
     progress: float = 0.1
     alive: float = -1e-6
 
-    def __call__(self, before: Snapshot, after: Snapshot, outcome: Outcome | None) -> float:
-        if outcome is not None and outcome.status == "goal":
+    def of(self, progress: float, gap: float, has_contact: bool, status: str | None, dt: float) -> float:
+        if status == "goal":
             return self.goal
-        if after.contacts:
+        if has_contact:
             return self.contact
-        if outcome is not None and outcome.status == "timeout":
+        if status == "timeout":
             return self.timeout
-        gap = max(human_clearance(after), 0.0)
-        reward = self.closeness * (gap - self.comfort) * after.dt if gap < self.comfort else 0.0
-        return self.alive + reward + self.progress * (goal_distance(before) - goal_distance(after))
+        gap = max(gap, 0.0)
+        reward = self.closeness * (gap - self.comfort) * dt if gap < self.comfort else 0.0
+        return self.alive + reward + self.progress * progress
 
 
 REWARDS: dict[str, Callable[[], Reward]] = {
@@ -201,10 +219,6 @@ def checked_reward(value: Any) -> float:
     if not math.isfinite(reward):
         raise ValueError(f"the function given as `reward` must return a finite number, it returned {shown(value)}")
     return reward
-
-
-def _at_end(goal: float, outcome: Outcome | None) -> float:
-    return goal if outcome is not None and outcome.status == "goal" else 0.0
 
 
 @kernel

@@ -1,0 +1,364 @@
+"""`Worlds`: many worlds that are stepped together, for reinforcement learning."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from ..agents.pedestrians.crowd import Crowd
+from ..core.arguments import whole_number
+from ..core.compiled.calls import FLAGS, FLOAT, FLOATS, INT, INTS, INTS2, PACKED, address_of
+from ..core.compiled.kernel import IS_COMPILED
+from ..core.compiled.packing import Packed
+from ..core.geometry import Twist
+from ..core.portable_math import Array, BoolArray, IntArray
+from ..core.scene import Scene
+from ..core.snapshot import Snapshot
+from ..core.wording import shown
+from ..errors import ControllerError
+from ..sim.episode import Episode, TickInput
+from ..sim.kernel.batch import (
+    CLEARANCE,
+    CONTACT,
+    GOAL,
+    GOAL_DISTANCE,
+    MEASURED_SIZE,
+    RUNNING,
+    TIMEOUT,
+    WITH_HUMAN,
+    WITH_WALL,
+    Member,
+    observe_member,
+    step_member,
+    step_members,
+)  # fmt: skip
+from ..sim.kernel.tick import DONE, LONGER_LISTS, run_tick_address
+from ..sim.world import World
+from .observation import Encoder, Order, Sizes
+from .parts import Observation, Rows
+from .recording import FolderRecorder, recording_folder
+from .rewards import REWARDS, BuiltIn, Reward, reward_of
+from .sight import Arrays, Sight, sight_of, write_observation
+
+STATUSES = {RUNNING: None, GOAL: "goal", CONTACT: "contact", TIMEOUT: "timeout"}
+
+
+class WorldsStep(NamedTuple):
+    """Result of `Worlds.step`. Its arrays are written anew by the next step; copy what you keep.
+
+    Attributes:
+        observations: arrays by part, as those of `SocialNavEnv`, with a first axis for the B worlds.
+        rewards: (B,).
+        outcomes: (B,) of int: 0 while an episode runs; 1 goal, 2 contact, 3 time limit in the step that ends it.
+        contacts: (B, 3) of bool, whether the robot touched a human, an object, a wall.
+        is_first: (B,) of bool, worlds whose episode began in this step: their action was ignored, their reward is 0.
+    """
+
+    observations: Observation
+    rewards: Array
+    outcomes: IntArray
+    contacts: BoolArray
+    is_first: BoolArray
+
+
+class Worlds:
+    """Worlds that are stepped together, by one call of compiled code that releases the interpreter's lock.
+
+    A world has the bits of an `Episode` of the same scene and commands. The step after the end of an episode begins the
+    next one, with the next of the scenes.
+
+    Args:
+        scenes: of the episodes, which are taken in turn, again and again.
+        num_worlds: number B of worlds; one for each scene if None.
+        reward: name of a reward, or an object of its class; see `sonata2d.gym.rewards`.
+        sizes: numbers of rows of the observations, as of `SocialNavEnv`; by default the largest numbers of the scenes.
+        order: of the rows, as of `SocialNavEnv`.
+        threads: number of threads among which the worlds are divided.
+        record: folder in which every episode is recorded when it ends.
+
+    Raises:
+        TypeError: a scene, the reward or the pedestrian model is of another kind.
+        ValueError: there is no scene, a number is below 1, or the robots have different drives.
+
+    Attributes:
+        num_worlds: B.
+        action_size: 2 (forward, turn), or 3 for holonomic robots (forward, left, turn).
+
+    >>> from sonata2d import Worlds, generate
+    >>> worlds = Worlds([generate("empty", seed) for seed in range(4)])
+    >>> worlds.reset()["goal"].shape
+    (4, 6)
+    >>> step = worlds.step(np.zeros((4, 3)))
+    >>> step.rewards.shape, step.outcomes.tolist()
+    ((4,), [0, 0, 0, 0])
+    """
+
+    def __init__(
+        self,
+        scenes: Iterable[Scene],
+        num_worlds: int | None = None,
+        *,
+        reward: str | Reward = "distance",
+        sizes: Mapping[str, int] | None = None,
+        order: Order = "nearest",
+        threads: int = 1,
+        record: str | Path | None = None,
+    ) -> None:
+        self._scenes = tuple(scenes)
+        for scene in self._scenes:
+            if not isinstance(scene, Scene):
+                raise TypeError(f"Worlds needs scenes, such as generate() returns; got {shown(scene)}")
+        if not self._scenes:
+            raise ValueError("Worlds needs at least one scene")
+        if len({scene.robot.kinematics for scene in self._scenes}) > 1:
+            raise ValueError("the robots of all scenes must have the same drive: their actions have the same length")
+        self.num_worlds = count = len(self._scenes) if num_worlds is None else whole_number("num_worlds", num_worlds, 1)
+        self._threads = whole_number("threads", threads, 1)
+        function = reward_of(reward)
+        if not isinstance(function, BuiltIn):
+            raise TypeError(
+                f"the reward of Worlds is a name ({', '.join(REWARDS)}) or an object derived from rewards.BuiltIn, got "
+                f"{shown(reward)}; SocialNavEnv takes functions of snapshots"
+            )
+        self._reward = function
+        self._folder = None if record is None else recording_folder(record)
+        self.action_size = 3 if self._scenes[0].robot.kinematics == "holonomic" else 2
+        self._encoder = Encoder(_sizes_of(self._scenes).changed(dict(sizes or {})), order)
+        space = self._encoder.space
+        self._arrays: dict[str, NDArray[Any]] = {
+            name: np.zeros((count, *(space[name].shape or ())), space[name].dtype) for name in Arrays._fields
+        }
+        self._running: list[_Running | None] = [None] * count
+        self._addresses = np.zeros(count, dtype=np.int64)
+        self._commands, self._needs = np.zeros((count, 3)), np.zeros(count, dtype=np.int64)
+        self._outcome, self._measured = np.zeros(count, dtype=np.int64), np.zeros((count, MEASURED_SIZE))
+        self._is_new = np.zeros(count, dtype=bool)
+        self._limits = np.zeros((count, 4))  # ahead, back, sideways, turn
+        self._next = 0  # index of the next scene
+        self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
+        self._needs_reset = True
+
+    def reset(self) -> Observation:
+        """Begin an episode in each world; those that were running are dropped.
+
+        Returns:
+            The observations, see `WorldsStep`.
+        """
+        self._next = 0
+        for w in range(self.num_worlds):
+            self._begin(w)
+        self._needs_reset = False
+        return self._arrays
+
+    def step(self, actions: Any) -> WorldsStep:
+        """Drive all robots for one tick.
+
+        Args:
+            actions: (B, `action_size`), fractions of the robots' limits in [-1, 1], as of `SocialNavEnv`; numbers
+                beyond are clipped.
+
+        Raises:
+            ResetNeeded: `reset` was not called, or the last step failed or was interrupted.
+            ControllerError: a number is not finite.
+            ValueError: the actions have another shape.
+        """
+        if self._needs_reset:
+            raise gymnasium.error.ResetNeeded("call reset() first, and after a step that failed or was interrupted")
+        self._set_commands(actions)
+        self._needs_reset = True
+        is_first = self._outcome != RUNNING
+        before = self._measured[:, GOAL_DISTANCE].copy()
+        if self._folder is not None:
+            for w in np.flatnonzero(~is_first).tolist():
+                self._at(w).commands.append(tuple(self._commands[w].tolist()))
+        self._needs[:] = 0
+        self._advance(is_first)
+        for w in np.flatnonzero(is_first).tolist():
+            self._begin(w)
+        rewards = self._rewards(before, is_first)
+        if self._folder is not None:
+            for w in np.flatnonzero((self._outcome != RUNNING) & ~is_first).tolist():
+                self._save(self._at(w))
+        self._needs_reset = False
+        contacts = self._measured[:, WITH_HUMAN : WITH_WALL + 1] != 0.0
+        return WorldsStep(self._arrays, rewards, self._outcome.copy(), contacts, is_first)
+
+    def scene(self, world: int) -> Scene:
+        """The scene of the present episode of a world."""
+        return self._at(world).scene
+
+    def snapshot(self, world: int) -> Snapshot:
+        """The present state of a world."""
+        running = self._at(world)
+        running.world.note(int(running.member.value.clock[0]), running.crowd)
+        return running.world.snapshot()
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    def _at(self, w: int) -> _Running:
+        running = self._running[w]
+        if running is None:
+            raise gymnasium.error.ResetNeeded("call reset() first")
+        return running
+
+    def _set_commands(self, actions: Any) -> None:
+        """Write the commands of actions, rounded as files hold them."""
+        values, expected = np.asarray(actions), (self.num_worlds, self.action_size)
+        if values.shape != expected or values.dtype.kind not in "fiu":
+            raise ValueError(f"actions are numbers of the shape {expected}, got {shown(actions)} of {values.shape}")
+        values = values.astype(float)
+        if not np.isfinite(values).all():
+            w = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
+            raise ControllerError(f"actions are finite numbers, got {values[w].tolist()} for world {w}")
+        values = np.clip(values, -1.0, 1.0)
+        commands, (ahead, back, sideways, turn) = self._commands, self._limits.T
+        commands[:, 0] = values[:, 0] * np.where(values[:, 0] > 0.0, ahead, back)
+        commands[:, 1] = values[:, 1] * sideways if self.action_size == 3 else 0.0
+        commands[:, 2] = values[:, -1] * turn
+        np.rint(commands * 10_000.0, out=commands)
+        commands /= 10_000.0
+        commands += 0.0  # no -0.0
+
+    def _advance(self, is_skipped: BoolArray) -> None:
+        """Move the worlds that are not skipped by one tick."""
+        count, threads = self.num_worlds, min(self._threads, self.num_worlds)
+        if not IS_COMPILED:
+            for w in np.flatnonzero(~is_skipped).tolist():
+                self._finish(w, self._step(w, DONE))
+            return
+        arrays = self._addresses, self._commands, is_skipped, self._needs
+        if self._pool is None:
+            waiting = step_members(*arrays, 0, count)
+        else:
+            bounds = [count * n // threads for n in range(threads + 1)]
+            parts = [self._pool.submit(step_members, *arrays, a, b) for a, b in itertools.pairwise(bounds)]
+            waiting = sum(part.result() for part in parts)
+        if waiting:
+            for w in np.flatnonzero(self._needs).tolist():
+                self._finish(w, int(self._needs[w]))
+
+    def _finish(self, w: int, need: int) -> None:
+        """Give a world what it needs until its tick is over."""
+        running = self._at(w)
+        while need != DONE:
+            running.provide(need)
+            self._addresses[w] = running.address
+            need = self._step(w, need)
+
+    def _step(self, w: int, need: int) -> int:
+        """Move one world by a tick, or go on with it; what it needs."""
+        vx, vy, omega = self._commands[w].tolist()
+        return step_member(self._at(w).member.argument, vx, vy, omega, need)
+
+    def _begin(self, w: int) -> None:
+        """Begin the next episode in a world."""
+        scene = self._scenes[self._next % len(self._scenes)]
+        self._next += 1
+        arrays = Arrays(*(array[w] for array in self._arrays.values()))
+        sizes = self._encoder.sizes
+        rows = Rows(*(np.full(n, -1) for n in (sizes.humans, sizes.objects, sizes.walls)))
+        sight = Packed(sight_of(scene, rows, arrays, self._encoder.order == "nearest"))
+        running = self._running[w] = _Running(scene, sight, self._outcome[w : w + 1], self._measured[w])
+        self._addresses[w], limits = running.address, scene.robot.limits
+        self._limits[w] = limits.ahead, limits.back, limits.sideways, limits.turn
+
+    def _rewards(self, before: Array, is_first: BoolArray) -> Array:
+        """(B,), 0 where an episode begins."""
+        measured, of = self._measured, self._reward.of
+        progress, gap = (before - measured[:, GOAL_DISTANCE]).tolist(), measured[:, CLEARANCE].tolist()
+        contact = (measured[:, WITH_HUMAN : WITH_WALL + 1] != 0.0).any(axis=1).tolist()
+        status = [STATUSES[code] for code in self._outcome.tolist()]
+        dt = [self._at(w).scene.rules.dt for w in range(self.num_worlds)]
+        rewards = [
+            0.0 if begins else of(*values)
+            for begins, *values in zip(is_first.tolist(), progress, gap, contact, status, dt, strict=True)
+        ]
+        return np.array(rewards, dtype=float)
+
+    def _save(self, running: _Running) -> None:
+        """Record an episode that is over: it is run again, which gives the same bits."""
+        assert self._folder is not None
+        past = [TickInput(Twist(*command)) for command in running.commands]
+        Episode(running.scene, observers=[FolderRecorder(self._folder)], past=past).run()
+
+
+class _Running:
+    """A world, and all that its packed `Member` points to.
+
+    Args:
+        scene: of the episode.
+        sight: into which the observations are written.
+        outcome, measured: see `Member`; are written.
+
+    Raises:
+        TypeError: the pedestrian model is ordinary Python.
+    """
+
+    def __init__(self, scene: Scene, sight: Packed[Sight], outcome: IntArray, measured: Array) -> None:
+        self.scene, self.world, self.crowd, self.sight = scene, World(scene), Crowd(scene), sight
+        if not self.crowd.is_compiled:
+            raise TypeError(
+                f"the pedestrian model of {scene.title} is ordinary Python; Worlds needs a KernelModel, "
+                "SocialNavVectorEnv takes both"
+            )
+        self.commands: list[tuple[float, ...]] = []
+        goal, rules = scene.goal, scene.rules
+        self.member = Packed(
+            Member(
+                world=self.world.argument,
+                crowd=self.crowd.argument,
+                calls=self.world.calls,
+                run_tick=run_tick_address(),
+                write=_write_address(),
+                sight=sight.argument,
+                row=self.world.row,
+                activity=np.zeros(len(scene.humans), dtype=np.int64),
+                is_present=np.ones(len(scene.humans), dtype=bool),
+                is_wall=np.array([kind == "wall" for kind, _ in scene.barrier_owner], dtype=bool),
+                goal=np.array([goal.x, goal.y, goal.theta, goal.distance, goal.angle], dtype=float),
+                ends_on=np.array(["goal" in rules.ends_on, "contact" in rules.ends_on]),
+                clock=np.array([0, rules.last_tick], dtype=np.int64),
+                outcome=outcome,
+                measured=measured,
+            )
+        )
+        observe_member(self.member.argument)
+
+    @property
+    def address(self) -> int:
+        """Address of the packed member; 0 in the interpreter."""
+        return self.member.argument.ctypes.data if IS_COMPILED else 0
+
+    def provide(self, need: int) -> None:
+        """Give the world what a tick needs, see `run_tick`."""
+        if need == LONGER_LISTS:
+            self.crowd.extend_lists()
+            self.member = Packed(self.member.value._replace(crowd=self.crowd.argument))
+        else:
+            self.world.set_seats(self.crowd.state.tasks.sits_on)
+
+
+@cache
+def _write_address() -> IntArray:
+    return address_of(write_observation, PACKED, FLOATS, FLAGS, INTS, INTS2, INT, FLOAT)
+
+
+def _sizes_of(scenes: Sequence[Scene]) -> Sizes:
+    """The largest numbers of entities in scenes."""
+
+    def most(kind: str) -> int:
+        return max(1, *(len(getattr(scene, kind)) for scene in scenes))
+
+    humans = most("humans")
+    return Sizes(humans, most("furniture"), most("walls"), max(2 * humans, most("interactions")))

@@ -1,0 +1,194 @@
+"""Ticks of many worlds in one call."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...agents.pedestrians.crowd_state import CrowdState
+from ...core.compiled.calls import call, call_for_int
+from ...core.compiled.kernel import kernel, subroutine
+from ...core.compiled.packing import Bools, Floats, Ints, packed_at, unpack
+from ...core.compiled.scalar import angle_of, length, to_shoulder_line, wrap_angle
+from ...core.entities import ANY_HEADING
+from ...core.humans import BODY_X, BODY_Y, X, Y
+from ...core.portable_math import Array, BoolArray, IntArray
+from ...core.relations import ACTIVITIES, ACTIVITY
+from .rules import ROBOT_RADIUS
+from .step import Buffers
+from .tick import DONE, SEATS
+
+RUNNING, GOAL, CONTACT, TIMEOUT = range(4)  # outcomes
+# Columns of `Member.measured`: gaps and distances in m; contacts of the last tick are 0 or 1.
+GOAL_DISTANCE, CLEARANCE, WITH_HUMAN, WITH_OBJECT, WITH_WALL = range(5)
+MEASURED_SIZE = 5
+_ALONE = np.array([ACTIVITIES.index(kind.alone or kind.name) for kind in ACTIVITY.values()])
+
+
+class Member(NamedTuple):
+    """One world of many.
+
+    Attributes:
+        world, crowd, calls: packed `Buffers`, `CrowdState` and `TickCalls`.
+        run_tick: address of the kernel.
+        write: address of a kernel that writes an observation; zeros for none.
+        sight: its packed `Sight`.
+        row: of the `State`.
+        activity: (N,) of int, scratch.
+        is_present: (N,) of bool, scratch.
+        is_wall: (M,) of bool, for each barrier whether it belongs to a wall and not to an object.
+        goal: (5,), x, y, heading, distance and angle at which it is reached; m and rad.
+        ends_on: (2,) of bool, whether goal and contacts end an episode.
+        clock: (2,) of int, ticks so far, and the last one.
+        outcome: (1,) of int.
+        measured: (5,), see above.
+    """
+
+    world: Ints
+    crowd: Ints
+    calls: Ints
+    run_tick: Ints
+    write: Ints
+    sight: Ints
+    row: Floats
+    activity: Ints
+    is_present: Bools
+    is_wall: Bools
+    goal: Floats
+    ends_on: Bools
+    clock: Ints
+    outcome: Ints
+    measured: Floats
+
+
+@kernel
+def step_member(packed_member: Any, vx: float, vy: float, omega: float, need: int) -> int:
+    """Move a world by one tick, and observe it.
+
+    Args:
+        packed_member: packed `Member`.
+        vx, vy, omega: command of the robot, body frame, m/s and rad/s.
+        need: `DONE`, or what the last call returned.
+
+    Returns:
+        What the world needs to go on, see `run_tick`.
+    """
+    return _step(unpack(packed_member, Member), vx, vy, omega, need)
+
+
+@kernel
+def step_members(
+    addresses: IntArray, commands: Array, is_skipped: BoolArray, needs: IntArray, first: int, end: int
+) -> int:
+    """`step_member` of many worlds.
+
+    Args:
+        addresses: (B,), of packed `Member`.
+        commands: (B, 3), of the robots.
+        is_skipped: (B,) of bool, worlds that stay as they are.
+        needs: (B,) of int, is updated.
+        first, end: the worlds from the first one to before the end.
+
+    Returns:
+        Number of worlds that need something.
+    """
+    waiting = 0
+    for w in range(first, end):
+        if not is_skipped[w]:
+            member = unpack(packed_at(addresses[w]), Member)
+            needs[w] = _step(member, commands[w, 0], commands[w, 1], commands[w, 2], needs[w])
+            waiting += needs[w] != DONE
+    return waiting
+
+
+@subroutine
+def _step(member: Member, vx: float, vy: float, omega: float, need: int) -> int:
+    number = member.clock[0]
+    need = call_for_int(
+        member.run_tick, (member.world, member.crowd, member.calls, number, vx, vy, omega, need == SEATS)
+    )
+    if need == DONE:
+        member.clock[0] += 1
+        _observe(member)
+    return need
+
+
+@kernel
+def observe_member(packed_member: Any) -> None:
+    """Measure and observe a world at the beginning of an episode."""
+    _observe(unpack(packed_member, Member))
+
+
+@subroutine
+def _observe(member: Member) -> None:
+    world, crowd = unpack(member.world, Buffers), unpack(member.crowd, CrowdState)
+    _measure(member, world)
+    member.outcome[0] = _outcome(member, world)
+    if member.write[0] != 0:
+        time = min(member.clock[0] / max(member.clock[1], 1), 1.0)
+        _set_activities(member, world, crowd)
+        call(
+            member.write,
+            (member.sight, member.row, member.is_present, member.activity, crowd.company.links,
+             crowd.company.link_count[0], time),
+        )  # fmt: skip
+
+
+@subroutine
+def _measure(member: Member, world: Buffers) -> None:
+    """Distances and contacts."""
+    robot, humans, guard, measured = world.robot, world.humans, world.guard, member.measured
+    nearest = math.inf
+    for k in range(len(humans)):
+        if not world.attendance.is_absent[k]:
+            dx, dy = humans[k, X] - robot[X], humans[k, Y] - robot[Y]
+            dx, dy = to_shoulder_line(dx, dy, humans[k, BODY_X], humans[k, BODY_Y], guard.shoulder[k])
+            nearest = min(nearest, length(dx, dy) - guard.radius[k])
+    measured[GOAL_DISTANCE] = length(member.goal[0] - robot[X], member.goal[1] - robot[Y])
+    measured[CLEARANCE] = nearest - world.rules[ROBOT_RADIUS]
+    measured[WITH_HUMAN] = measured[WITH_OBJECT] = measured[WITH_WALL] = 0.0
+    if guard.counts[2] != 0:
+        for k in range(len(humans)):
+            if guard.human_contact[k] != 0:
+                measured[WITH_HUMAN] = 1.0
+        for k in range(len(member.is_wall)):
+            if guard.barrier_contact[k] != 0:
+                measured[WITH_WALL if member.is_wall[k] else WITH_OBJECT] = 1.0
+
+
+@subroutine
+def _outcome(member: Member, world: Buffers) -> int:
+    """As `sim.episode.outcome_at`."""
+    robot, goal, clock = world.robot, member.goal, member.clock
+    if member.ends_on[0] and member.measured[GOAL_DISTANCE] <= goal[3]:
+        turned = 0.0
+        if goal[4] < ANY_HEADING:
+            turned = abs(wrap_angle(angle_of(robot[BODY_Y], robot[BODY_X]) - goal[2]))
+        if turned <= goal[4]:
+            return GOAL
+    if member.ends_on[1] and world.guard.counts[2] != 0:
+        return CONTACT
+    return TIMEOUT if clock[0] >= clock[1] else RUNNING
+
+
+@subroutine
+def _set_activities(member: Member, world: Buffers, crowd: CrowdState) -> None:
+    """Fill `activity` and `is_present`; while somebody is absent, people without a present partner are alone."""
+    company, is_absent, any_absent = crowd.company, world.attendance.is_absent, False
+    for k in range(len(is_absent)):
+        member.is_present[k] = not is_absent[k]
+        member.activity[k] = company.activity[k]
+        any_absent |= is_absent[k]
+    if not any_absent:
+        return
+    for k in range(len(is_absent)):
+        is_alone = True
+        for n in range(company.link_count[0]):
+            source, destination = company.links[n, 0], company.links[n, 1]
+            is_there = not is_absent[source] and (destination >= len(is_absent) or not is_absent[destination])
+            if is_there and k in (source, destination):
+                is_alone = False
+        if is_alone:
+            member.activity[k] = _ALONE[company.activity[k]]
