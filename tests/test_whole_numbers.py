@@ -292,6 +292,7 @@ CASES: dict[str, Callable[[Number], Any]] = {
 
 # Values that sonata2d makes, or passes to methods of subclasses; and numbers between 0 and 1.
 MADE = {
+    "sonata2d.gym.WorldsStep",
     "sonata2d.EpisodeRecord",
     "sonata2d.Frame",
     "sonata2d.Outcome",

@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .compiled.kernel import subroutine
+from .compiled.kernel import kernel, subroutine
 from .compiled.packing import Ints, Ints2
+from .portable_math import IntArray
 from .rng import StreamName, stream_key
 
 _ROUNDS = 10
@@ -42,6 +43,21 @@ def draws_of(seed: int, episode: int, name: StreamName, ids: Sequence[int], purp
     """The random numbers of one name, for a number of purposes; none of them is drawn yet."""
     key = np.array(stream_key(seed, episode, name), dtype=np.int64)
     return Draws(key, np.array(ids, dtype=np.int64), np.zeros((len(ids), purposes), dtype=np.int64))
+
+
+def first_words(seed: int, episode: int, name: StreamName, ids: Sequence[int]) -> IntArray:
+    """A random word of 32 bits for each agent, (N,) of int."""
+    words, key = np.array(ids, dtype=np.int64), stream_key(seed, episode, name)
+    _fill_words(words, *key)
+    return words
+
+
+@kernel
+def _fill_words(words: IntArray, key_0: int, key_1: int) -> None:
+    """Replace ids by random words."""
+    for k in range(len(words)):
+        id = int(words[k])  # not a number of NumPy, whose products overflow in the interpreter
+        words[k], _, _, _ = philox(0, 0, id & _MASK, (id >> 32) & _MASK, key_0, key_1)
 
 
 @subroutine

@@ -31,7 +31,7 @@ class Rules:
 
     Attributes:
         dt: control period, the time between frames, s.
-        substeps: number of physics steps in a tick.
+        substeps: least number of physics steps in a tick; a stiff pedestrian model has one for each evaluation.
         iterations: number of iterations of the contact solver.
         time_limit: s; no state of the episode is later.
         ends_on: events that end the episode besides the time limit.
@@ -41,7 +41,7 @@ class Rules:
     """
 
     dt: Positive = 0.1
-    substeps: Steps = 10
+    substeps: Steps = 5
     iterations: Steps = 5
     time_limit: Positive = 60.0
     ends_on: tuple[EndsOn, ...] = ("goal", "time")

@@ -29,6 +29,7 @@ from .rewards import (
     human_clearance as human_clearance,
 )
 from .vector import SocialNavVectorEnv as SocialNavVectorEnv
+from .worlds import WorldsStep as WorldsStep
 from .wrappers import (
     DiscreteActions as DiscreteActions,
     FieldOfView as FieldOfView,

@@ -46,6 +46,10 @@ class BuiltIn(FloatFields):
             status: of the outcome, if the step ends the episode.
             dt: s.
         """
+        return self._value(float(progress), float(gap), has_contact, status, float(dt))
+
+    def _value(self, progress: float, gap: float, has_contact: bool, status: str | None, dt: float) -> float:
+        """`of`, for floats."""
         raise NotImplementedError
 
     def __call__(self, before: Snapshot, after: Snapshot, outcome: Outcome | None) -> float:
@@ -67,7 +71,7 @@ class Sparse(BuiltIn):
     goal: float = 1.0
     contact: float = -1.0
 
-    def of(self, progress: float, gap: float, has_contact: bool, status: str | None, dt: float) -> float:
+    def _value(self, progress: float, gap: float, has_contact: bool, status: str | None, dt: float) -> float:
         return (self.goal if status == "goal" else 0.0) + (self.contact if has_contact else 0.0)
 
 
@@ -93,7 +97,7 @@ class Distance(BuiltIn):
     comfort: float = 0.45
     time: float = -0.1
 
-    def of(self, progress: float, gap: float, has_contact: bool, status: str | None, dt: float) -> float:
+    def _value(self, progress: float, gap: float, has_contact: bool, status: str | None, dt: float) -> float:
         nearness = max(1.0 - max(gap, 0.0) / self.comfort, 0.0)
         reward = self.progress * progress + (self.goal if status == "goal" else 0.0)
         contact = self.contact if has_contact else 0.0
@@ -111,7 +115,7 @@ class CrowdNav(BuiltIn):
     contact: float = -0.25
     comfort: float = 0.2
 
-    def of(self, progress: float, gap: float, has_contact: bool, status: str | None, dt: float) -> float:
+    def _value(self, progress: float, gap: float, has_contact: bool, status: str | None, dt: float) -> float:
         if has_contact:
             return self.contact
         if gap < self.comfort:
@@ -132,7 +136,7 @@ class Dsrnn(BuiltIn):
     closeness: float = 2.5
     progress: float = 2.0
 
-    def of(self, progress: float, gap: float, has_contact: bool, status: str | None, dt: float) -> float:
+    def _value(self, progress: float, gap: float, has_contact: bool, status: str | None, dt: float) -> float:
         if status == "goal":
             return self.goal
         if has_contact:
@@ -159,7 +163,7 @@ class SocNavGym(BuiltIn):
     progress: float = 0.1
     alive: float = -1e-6
 
-    def of(self, progress: float, gap: float, has_contact: bool, status: str | None, dt: float) -> float:
+    def _value(self, progress: float, gap: float, has_contact: bool, status: str | None, dt: float) -> float:
         if status == "goal":
             return self.goal
         if has_contact:

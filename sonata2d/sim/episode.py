@@ -100,7 +100,7 @@ class Episode(Drawable):
         self.outcome: Outcome | None = None
         self._script, self._controller_info = tuple(past), controller_info or controller_info_of(controller)
         self._renderer = renderer
-        self._world, self._crowd = World(scene), Crowd(scene)
+        self._crowd, self._world = Crowd(scene), World(scene)
         self._observed: Snapshot | None = None  # of the present tick
         controller.reset(scene)
         for observer in self.observers:

@@ -17,6 +17,7 @@ import numpy as np
 import pymunk
 
 from ..agents.pedestrians.crowd import Crowd
+from ..agents.pedestrians.models.base import physics_steps
 from ..core.barrier_grid import solids_of
 from ..core.compiled.kernel import say_if_slow
 from ..core.compiled.packing import Packed, pack
@@ -57,7 +58,7 @@ class World:
     def __init__(self, scene: Scene) -> None:
         say_if_slow()
         self.scene, self.tick = scene, 0
-        count, rules = len(scene.humans), scene.rules
+        count, self._substeps = len(scene.humans), physics_steps(scene)
         space = _space_with_obstacles(scene)
         bodies = [_body(h.pose.position, h.velocity, _is_recorded(h)) for h in scene.humans]
         # The kernel turns the torsos in every substep.
@@ -77,13 +78,13 @@ class World:
             posture=np.zeros((count, 3)),
             motion=np.array([*scene.robot.pose.position, 0.0, 0.0]),
             drive=np.zeros(DRIVE_SIZE),
-            rules=rules_of(scene, FASTEST_PERSON),
+            rules=rules_of(scene, self._substeps, FASTEST_PERSON),
             solids=solids_of(scene.barriers),
             acceleration=np.zeros((count, 2)),
             attendance=attendance_of(scene),
             sits_on=np.full(count, -1),
             may_overlap=np.zeros(count, dtype=bool),
-            maximum_speed=_speed_limits(scene),
+            maximum_speed=_speed_limits(scene, self._substeps),
             facing=np.zeros((count, 2)),
             gaze=np.zeros((count, 2)),
         )
@@ -94,7 +95,6 @@ class World:
         self._last_contacts: tuple[bytes, tuple[Contact, ...]] = b"", ()
         self._activity = initial_activities(scene)
         self._interactions = scene.interactions
-        self._substeps = rules.substeps
         read_state(self._packed.argument)
         self._check_order()
         begin(self._packed.argument)
@@ -249,7 +249,7 @@ def _is_recorded(human: Human) -> bool:
     return human.behaviour == "recorded"
 
 
-def _speed_limits(scene: Scene) -> Array:
+def _speed_limits(scene: Scene, steps: int) -> Array:
     """Maximum speed of each pedestrian, (N,), m/s; infinite in scenes with recorded pedestrians.
 
     Recorded pedestrians may have any speed and pass it on to others. In other scenes, a push moves a pedestrian by at
@@ -257,7 +257,7 @@ def _speed_limits(scene: Scene) -> Array:
     """
     if any(map(_is_recorded, scene.humans)):
         return np.full(len(scene.humans), math.inf)
-    largest_step = scene.human_table.radius / (scene.rules.dt / scene.rules.substeps)
+    largest_step = scene.human_table.radius / (scene.rules.dt / steps)
     limits: Array = np.clip(largest_step, walking_speeds(scene), maximum_speeds(scene))
     return limits
 

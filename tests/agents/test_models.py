@@ -14,7 +14,7 @@ import pytest
 
 from sonata2d.agents.controllers.reactive import Orca, SocialForce
 from sonata2d.agents.pedestrians.models import sonata2026
-from sonata2d.agents.pedestrians.models.base import Walkers, pedestrian_model
+from sonata2d.agents.pedestrians.models.base import Walkers, pedestrian_model, physics_steps
 from sonata2d.core.geometry import Pose
 from sonata2d.core.portable_math import Array
 from sonata2d.core.scene import Rules, Scene
@@ -225,7 +225,10 @@ def test_only_farina2017_is_headed() -> None:
 
 @pytest.mark.parametrize("model", ["helbing2000", "farina2017"])
 def test_stiff_models_are_evaluated_in_every_substep(model: str) -> None:
-    assert pedestrian_model(model).evaluations == Rules().substeps
+    assert pedestrian_model(model).evaluations == 10
+    for substeps, steps in ((5, 10), (10, 10), (20, 20)):
+        scene = room([walker(1, 0.0, 0.0, model=model)], rules=Rules(substeps=substeps))
+        assert physics_steps(scene) == steps
 
 
 @pytest.mark.parametrize("model", PUBLISHED)

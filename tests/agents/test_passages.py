@@ -199,5 +199,6 @@ def test_mirrored_crowds_at_a_door_move_mirrored(is_thick: bool, seconds: float)
     if is_thick:
         shelves = [Furniture(k, "shelf", Pose(0.0, y), Rectangle(0.3, 3.0)) for k, y in ((1, 1.9), (2, -1.9))]
         scene = room(people, shelves, robot=CORNER)
+    scene = replace(scene, rules=Rules(substeps=10))
     for a, b in zip(simulate(scene, seconds), simulate(mirrored(scene), seconds), strict=True):
         assert b.humans.position * np.array([1.0, -1.0]) == pytest.approx(a.humans.position, abs=1e-6)

@@ -207,16 +207,16 @@ def test_steps_that_are_too_long_are_refused() -> None:
     hall.changed(rules={"dt": 0.5, "substeps": 9})
     runs = {"people": [{"x": -4, "y": 0, "velocity": [20, 0], "goals": [[4, 0]]}]}
     with pytest.raises(s2.errors.ConfigError, match=r"up to 20 m/s they move 0\.2 m, .* rules\.substeps to 16,"):
-        hall.changed(**runs)
+        hall.changed(**runs, rules={"substeps": 10})
     hall.changed(**runs, rules={"substeps": 16})
-    hall.changed(**runs, person={"radius": 0.2})
+    hall.changed(**runs, rules={"substeps": 10}, person={"radius": 0.2})
     with pytest.raises(s2.errors.ConfigError, match=r"rules\.dt: .* lower rules\.dt to 0\.5 or less"):
         hall.changed(rules={"dt": 0.51, "substeps": 100})
     empty = s2.load_scenario("empty")
     empty.changed(rules={"dt": 1.0})  # nobody walks
     with pytest.raises(s2.errors.ConfigError, match=r"it turns 1\.02 rad: raise rules\.substeps to 11, or"):
-        empty.changed(robot={"limits": {"turn": 10.2}}, rules={"dt": 1.0})
-    empty.changed(robot={"limits": {"turn": 10.0}}, rules={"dt": 1.0})
+        empty.changed(robot={"limits": {"turn": 10.2}}, rules={"dt": 1.0, "substeps": 10})
+    empty.changed(robot={"limits": {"turn": 10.0}}, rules={"dt": 1.0, "substeps": 10})
 
 
 def test_an_unreadable_file_is_one_problem(tmp_path: Path) -> None:

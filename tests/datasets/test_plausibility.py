@@ -31,7 +31,9 @@ def sample(human: Human = FIRST, *, limits: Limits | None = None, **rules: Any) 
     """The scene of all edits: pedestrian 1 stands, the robot moves along x from (-1, 0) at 0.5 m/s; 0.1 s a tick."""
     of = scene()
     robot = replace(of.robot, limits=limits or of.robot.limits)
-    return replace(of, humans=(human, *of.humans[1:]), robot=robot, rules=replace(Rules(time_limit=20.0), **rules))
+    return replace(
+        of, humans=(human, *of.humans[1:]), robot=robot, rules=replace(Rules(time_limit=20.0, substeps=10), **rules)
+    )
 
 
 def put(*path: Any) -> Edit:

@@ -101,7 +101,7 @@ def test_live_graphs_of_the_paper_are_the_recorded_ones(tmp_path: Path, paper: P
 
 @pytest.mark.parametrize("dt", [0.05, 0.15, 0.2, 0.3])
 def test_live_instants_have_the_recorded_spacing_at_any_tick_length(tmp_path: Path, paper: Path, dt: float) -> None:
-    scene = s2.generate(s2.ScenarioConfig(rules={"dt": dt}), seed=4)
+    scene = s2.generate(s2.ScenarioConfig(rules={"dt": dt, "substeps": 10}), seed=4)
     live, record = live_graphs(tmp_path, scene, paper, ticks=round(4.0 / dt))
     graphs = paper_graphs(record, skip_first=True)
     assert [graph.ticks[0] for graph in graphs] == kept_ticks(record.time)[1:]

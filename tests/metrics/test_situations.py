@@ -126,7 +126,8 @@ def test_meeting_has_person_time_clearance_and_sight_distance() -> None:
     nearest = round(meeting.time / states[0].dt)
     distances = [math.dist(s.robot.position, s.humans.position[0]) for s in states]
     assert meeting.person == 1
-    assert min(distances) == pytest.approx(distances[nearest])
+    gaps = [clearance(s) for s in states]
+    assert min(gaps) == pytest.approx(gaps[nearest])
     assert meeting.clearance == pytest.approx(clearance(states[nearest]))
     assert meeting.sight_distance == pytest.approx(
         next(d for d, s in zip(distances, states, strict=True) if is_seen(s))

@@ -50,7 +50,7 @@ def scene(**changes: Any) -> Scene:
         "goal": Goal(3.0, 0.0),
         "groups": (Group(5, "walking", (2, 3)),),
         "interactions": (Interaction(1, AT_LAPTOP, 11), Interaction(2, WALKING_TOGETHER, 3)),
-        "rules": Rules(time_limit=20.0),
+        "rules": Rules(time_limit=20.0, substeps=10),
         "seed": 7,
         "episode": 3,
         "settings": {"name": "by-hand", "tiny": 0.00001},

@@ -166,7 +166,7 @@ def unicycle_among(humans: list[Human], *, robot: Pose, guard: bool = True, spee
     """A room of 8 x 8 m with a table and a unicycle."""
     table = Furniture(99, "table", Pose(2.0, 2.0, 0.4), Rectangle(1.2, 0.8))
     limits = Limits(ahead=speed, acceleration=100.0, turn_acceleration=100.0)
-    scene = room(humans, [table], limits=limits, robot=robot, rules=Rules(guard=guard))
+    scene = room(humans, [table], limits=limits, robot=robot, rules=Rules(guard=guard, substeps=10))
     return World(replace(scene, robot=replace(scene.robot, kinematics="unicycle")))
 
 
@@ -342,7 +342,8 @@ def test_a_shoulder_does_not_sink_into_the_corner_of_a_table() -> None:
         start = Pose(x + 0.75 + offset, y + 0.75 - offset, theta + math.pi)
         humans.append(Human(k + 1, start, 0.13, behaviour="wandering", velocity=(-0.7, -0.7), breadth=0.5))
         targets.append(start.direction)
-    world = World(room(humans, tables, robot=Pose(-38.0, -38.0), goal=(38.0, 38.0), polygon=walls))
+    rules = Rules(substeps=10)
+    world = World(room(humans, tables, robot=Pose(-38.0, -38.0), goal=(38.0, 38.0), polygon=walls, rules=rules))
     deepest = 0.0
     for _ in range(6):
         headings = np.array(targets)

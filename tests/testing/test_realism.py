@@ -78,12 +78,12 @@ def check() -> ModuleType:
 def test_pedestrians_are_more_realistic_than_straight_lines_and_never_touch(
     check: ModuleType, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    """On every twelfth window only; docs/realism.md has the results of all.
+    """On every sixth window only; docs/realism.md has the results of all.
 
     The ADE is not below that of straight lines: many goals lie behind walls, which straight lines ignore.
     """
     scene, all_windows = check.Scene(SHARED / "data" / "real" / f"{name}.csv"), check.windows
-    monkeypatch.setattr(check, "windows", lambda scene, oracle: list(all_windows(scene, oracle))[::12])
+    monkeypatch.setattr(check, "windows", lambda scene, oracle: list(all_windows(scene, oracle))[::6])
     ours, straight = (check.replay(check.load(model), scene) for model in ("sonata2d.testing.realism", "straight"))
     assert ours["contacts"] == 0.0
     assert ours["wall_hits"] == 0.0

@@ -240,7 +240,7 @@ def _law_of(model: PedestrianModel, scene: Scene, walkers: Walkers) -> Law:
     if isinstance(model, KernelModel) and type(model).acceleration is KernelModel.acceleration:
         kernel = address_of(model.kernel, PACKED, PACKED, FLOATS2, FLOAT, FLOAT, FLOATS2)
         parameters = model.packed_parameters(len(scene.humans))
-    evaluations = min(evaluations_per_tick(model.evaluations, scene.rules.dt), scene.rules.substeps)
+    evaluations = evaluations_per_tick(model.evaluations, scene.rules.dt)
     return Law(kernel, pack(walkers), parameters, bool(model.headed), evaluations, scene.rules.dt / evaluations)
 
 

@@ -22,11 +22,12 @@ from ...core.scene import Scene
 _PUSH_SPEED = 1.0  # m/s, that a push adds at least
 
 
-def rules_of(scene: Scene, fastest_person: float) -> Array:
+def rules_of(scene: Scene, steps: int, fastest_person: float) -> Array:
     """The array of a scene, (16,).
 
     Args:
         scene: rules, robot and pedestrians.
+        steps: of the physics in a tick.
         fastest_person: m/s; pedestrians are expected to be at least as fast.
     """
     rules, robot = scene.rules, scene.robot
@@ -35,8 +36,8 @@ def rules_of(scene: Scene, fastest_person: float) -> Array:
     speeds += [_track_speed(human, rules.dt) for human in scene.humans if human.track]
     values = {
         TICK: rules.dt,
-        SUBSTEP: rules.dt / rules.substeps,
-        SUBSTEPS: rules.substeps,
+        SUBSTEP: rules.dt / steps,
+        SUBSTEPS: steps,
         CONTACT_DISTANCE: rules.contact_distance,
         GUARD: rules.guard,
         SIDE: rules.side,

@@ -88,6 +88,13 @@ def evaluations_per_tick(evaluations: int, dt: float) -> int:
     return 1 if evaluations == 1 else max(int(evaluations * dt / 0.1 + 0.999), 1)
 
 
+def physics_steps(scene: Scene) -> int:
+    """Number of physics steps in a tick: `Rules.substeps`, or as many as a stiff model is evaluated."""
+    models = {human.model for human in scene.humans}
+    counts = [evaluations_per_tick(pedestrian_model(name).evaluations, scene.rules.dt) for name in models]
+    return max([scene.rules.substeps, *counts])
+
+
 class PedestrianModel(Protocol):
     """A pedestrian model, created for one scene.
 

@@ -10,8 +10,8 @@ import numpy as np
 from ....core.compiled.kernel import kernel, subroutine
 from ....core.compiled.packing import Floats, Ints, Packed, unpack, zeros
 from ....core.compiled.scalar import Vector, clipped, exp, length, rotation, turned_towards
+from ....core.philox import first_words
 from ....core.portable_math import PI, Array, unit_vectors
-from ....core.rng import AgentStreams
 from ....core.scene import Scene
 from .base import KernelModel, Walkers, fill_walls
 
@@ -606,8 +606,7 @@ class Sonata2026Model(KernelModel):
         """Extend the memory to a number of agents, which may exceed the number of humans: a robot can be an agent."""
         known, ids = self._input.value.memory, self._ids
         others = range(max(ids, default=0) + 1, max(ids, default=0) + 1 + max(count - len(ids), 0))
-        streams = AgentStreams(*self._seeds, "deviations", [*ids, *others])
-        added = np.array([streams[k].integer(0, _MASK) for k in range(len(known.generator), count)], dtype=np.int64)
+        added = first_words(*self._seeds, "deviations", [*ids, *others][len(known.generator) : count])
         new = zeros(Memory, len(added), generator=added, looseness=np.full(len(added), math.nan))
         extended: Any = map(np.concatenate, zip(known, new, strict=True))
         self._input = Packed(Input(self._input.value.parameters, Memory(*extended)))
