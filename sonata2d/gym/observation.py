@@ -116,7 +116,8 @@ class Encoder:
     Attributes:
         parts: of the observations.
         space: of the observations.
-        rows: the entities in the rows of the last observation.
+        arrays: the parts in `STANDARD` of the last observation.
+        rows: the entities in its rows.
         objects: (M, 2), centres of the furniture of the scene, m, world frame.
         walls: (W, 4), both ends of the walls of the scene, m, world frame.
     """
@@ -136,13 +137,13 @@ class Encoder:
         self._arrays: Observation = {
             name: np.zeros(self.space[name].shape or (), self.space[name].dtype) for name in named
         }
-        self._written = Arrays(*(self._arrays[name] for name in Arrays._fields))
+        self.arrays = Arrays(*(self._arrays[name] for name in Arrays._fields))
         humans, objects, walls = (np.full(n, -1) for n in (sizes.humans, sizes.objects, sizes.walls))
         self.rows = Rows(humans, objects, walls)
 
     def reset(self, scene: Scene) -> None:
         """Begin an episode."""
-        self._sight = Packed(sight_of(scene, self.rows, self._written, self.order == "nearest"))
+        self._sight = Packed(sight_of(scene, self.rows, self.arrays, self.order == "nearest"))
         self.objects, self.walls = self._sight.value.objects[:, :2].copy(), self._sight.value.walls
         self._time_limit = scene.rules.time_limit
         self._everybody = np.ones(len(scene.humans), dtype=bool)

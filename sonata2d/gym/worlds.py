@@ -46,15 +46,16 @@ from .observation import Encoder, Order, Sizes
 from .parts import Observation, Rows
 from .recording import FolderRecorder, recording_folder
 from .rewards import REWARDS, BuiltIn, Reward, reward_of
-from .sight import Arrays, Sight, sight_of, write_observation
+from .sight import Arrays, sight_of, write_observation
 
+_KEPT = 512  # worlds that are kept to begin again; one has some 0.3 MB
 STATUSES = {RUNNING: None, GOAL: "goal", CONTACT: "contact", TIMEOUT: "timeout"}
 
 
 class WorldsStep(NamedTuple):
     """Result of `Worlds.step`. Its arrays are written anew by the next step; copy what you keep.
 
-    Attributes:
+    Args:
         observations: arrays by part, as those of `SocialNavEnv`, with a first axis for the B worlds.
         rewards: (B,).
         outcomes: (B,) of int: 0 while an episode runs; 1 goal, 2 contact, 3 time limit in the step that ends it.
@@ -143,6 +144,7 @@ class Worlds:
         self._is_new = np.zeros(count, dtype=bool)
         self._limits = np.zeros((count, 4))  # ahead, back, sideways, turn
         self._next = 0  # index of the next scene
+        self._idle: list[_Running] = []  # worlds that can begin again
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
         self._needs_reset = True
 
@@ -263,15 +265,23 @@ class Worlds:
 
     def _begin(self, w: int) -> None:
         """Begin the next episode in a world."""
-        scene = self._scenes[self._next % len(self._scenes)]
+        before, index = self._running[w], self._next % len(self._scenes)
+        if before is not None and len(self._idle) < _KEPT:
+            self._idle.append(before)
         self._next += 1
+        running = self._again(index) or _Running(self._scenes[index], index, self._encoder)
         arrays = Arrays(*(array[w] for array in self._arrays.values()))
-        sizes = self._encoder.sizes
-        rows = Rows(*(np.full(n, -1) for n in (sizes.humans, sizes.objects, sizes.walls)))
-        sight = Packed(sight_of(scene, rows, arrays, self._encoder.order == "nearest"))
-        running = self._running[w] = _Running(scene, sight, self._outcome[w : w + 1], self._measured[w])
-        self._addresses[w], limits = running.address, scene.robot.limits
+        running.attach(arrays, self._outcome[w : w + 1], self._measured[w])
+        self._running[w], self._addresses[w], limits = running, running.address, running.scene.robot.limits
         self._limits[w] = limits.ahead, limits.back, limits.sideways, limits.turn
+
+    def _again(self, index: int) -> _Running | None:
+        """A world that ran an episode of a scene before, at the start again; None without one."""
+        for n, running in enumerate(self._idle):
+            if running.index == index:
+                del self._idle[n]
+                return running if running.restart() else None
+        return None
 
     def _rewards(self, before: Array, is_first: BoolArray) -> Array:
         """(B,), 0 where an episode begins."""
@@ -297,23 +307,34 @@ class _Running:
     """A world, and all that its packed `Member` points to.
 
     Args:
-        scene: of the episode.
-        sight: into which the observations are written.
-        outcome, measured: see `Member`; are written.
+        scene, index: of the episode.
+        encoder: numbers and order of the rows of its observations.
 
     Raises:
         TypeError: the pedestrian model is ordinary Python.
     """
 
-    def __init__(self, scene: Scene, sight: Packed[Sight], outcome: IntArray, measured: Array) -> None:
-        self.scene, self.world, self.crowd, self.sight = scene, World(scene), Crowd(scene), sight
+    member: Packed[Member]
+
+    def __init__(self, scene: Scene, index: int, encoder: Encoder) -> None:
+        self.scene, self.index, self.world, self.crowd = scene, index, World(scene), Crowd(scene)
         if not self.crowd.is_compiled:
             raise TypeError(
                 f"the pedestrian model of {scene.title} is ordinary Python; Worlds needs a KernelModel, "
                 "SocialNavVectorEnv takes both"
             )
+        self.world.keep()
+        self.crowd.keep()
         self.commands: list[tuple[float, ...]] = []
-        goal, rules = scene.goal, scene.rules
+        sizes = encoder.sizes
+        rows = Rows(*(np.full(n, -1) for n in (sizes.humans, sizes.objects, sizes.walls)))
+        self._sight = sight_of(scene, rows, encoder.arrays, encoder.order == "nearest")
+        self._is_wall = np.array([kind == "wall" for kind, _ in scene.barrier_owner], dtype=bool)
+
+    def attach(self, arrays: Arrays, outcome: IntArray, measured: Array) -> None:
+        """Write observations, outcome and measurements into some arrays from now on; begins with those of the start."""
+        goal, rules, count = self.scene.goal, self.scene.rules, len(self.scene.humans)
+        self._packed_sight = Packed(self._sight._replace(arrays=arrays))
         self.member = Packed(
             Member(
                 world=self.world.argument,
@@ -321,11 +342,11 @@ class _Running:
                 calls=self.world.calls,
                 run_tick=run_tick_address(),
                 write=_write_address(),
-                sight=sight.argument,
+                sight=self._packed_sight.argument,
                 row=self.world.row,
-                activity=np.zeros(len(scene.humans), dtype=np.int64),
-                is_present=np.ones(len(scene.humans), dtype=bool),
-                is_wall=np.array([kind == "wall" for kind, _ in scene.barrier_owner], dtype=bool),
+                activity=np.zeros(count, dtype=np.int64),
+                is_present=np.ones(count, dtype=bool),
+                is_wall=self._is_wall,
                 goal=np.array([goal.x, goal.y, goal.theta, goal.distance, goal.angle], dtype=float),
                 ends_on=np.array(["goal" in rules.ends_on, "contact" in rules.ends_on]),
                 clock=np.array([0, rules.last_tick], dtype=np.int64),
@@ -334,6 +355,12 @@ class _Running:
             )
         )
         observe_member(self.member.argument)
+
+    def restart(self) -> bool:
+        """Return to the start; False if this is not possible."""
+        self.commands = []
+        self.world.restart()
+        return self.crowd.restart()
 
     @property
     def address(self) -> int:

@@ -10,7 +10,6 @@ anew for every episode, in a fixed order, before its first step: only then does 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -20,23 +19,23 @@ from ..agents.pedestrians.crowd import Crowd
 from ..agents.pedestrians.models.base import physics_steps
 from ..core.barrier_grid import solids_of
 from ..core.compiled.kernel import say_if_slow
-from ..core.compiled.packing import Packed, pack
+from ..core.compiled.packing import Kept, Packed, pack
 from ..core.devices import DeviceEvent
-from ..core.entities import Furniture, Human
-from ..core.geometry import Disc, Edge, Point, Twist
+from ..core.geometry import Point, Twist
 from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, activities_of_present, frozen
 from ..core.portable_math import Array, IntArray
 from ..core.scene import Scene, initial_activities
 from ..core.snapshot import Contact, CrowdCommands, Snapshot
 from ..core.state import HUMAN_SIZE, ROBOT_SIZE, State
+from .bodies import Bodies, is_recorded
 from .kernel.chipmunk import EngineMemory
 from .kernel.presence import attendance_of
 from .kernel.rules import maximum_speeds, rules_of, walking_speeds
 from .kernel.safety import FASTEST_PERSON, OTHER_AT_FAULT, ROBOT_AT_FAULT, Guard
-from .kernel.step import DRIVE_SIZE, MASS, ROBOT_MASS, Buffers, advance, begin, enter_and_leave, read_state, track
+from .kernel.step import DRIVE_SIZE, Buffers, advance, begin, enter_and_leave, read_state, track
 from .kernel.tick import DONE, LONGER_LISTS, run_tick, tick_calls
 
-OVERLAP_LEFT = 0.0  # fraction of an overlap after a substep; pymunk's 0.94 lets bodies that turn sink in too deep
+_CONSTANT = frozenset({"solids", "handle", "addresses", "torsos", "rules"})  # fields of `Buffers` that stay the same
 _CONTACT_ORDER = {"human": 0, "object": 1, "wall": 2}
 
 
@@ -59,17 +58,10 @@ class World:
         say_if_slow()
         self.scene, self.tick = scene, 0
         count, self._substeps = len(scene.humans), physics_steps(scene)
-        space = _space_with_obstacles(scene)
-        bodies = [_body(h.pose.position, h.velocity, _is_recorded(h)) for h in scene.humans]
-        # The kernel turns the torsos in every substep.
-        torsos = [
-            pymunk.Segment(body, (0.0, human.shoulder), (0.0, -human.shoulder), human.radius)
-            for body, human in zip(bodies, scene.humans, strict=True)
-        ]
-        bodies.append(_body(scene.robot.pose.position, mass=ROBOT_MASS))
-        space.add(*bodies, *torsos, pymunk.Circle(bodies[-1], scene.robot.radius))
+        self._bodies = Bodies(scene)
+        space, bodies = self._bodies.new_space()
         self.row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count)  # as `State.row`
-        self._engine = EngineMemory(space, torsos, scene.human_table.shoulder.copy())
+        self._engine = EngineMemory(space, bodies, self._bodies.torsos, scene.human_table.shoulder.copy())
         self._buffers = Buffers(
             engine=self._engine.engine,
             guard=_guard(scene),
@@ -98,8 +90,9 @@ class World:
         read_state(self._packed.argument)
         self._check_order()
         begin(self._packed.argument)
-        self._bodies = bodies
-        self.set_seats(_seats_at_start(scene))
+        self._seats_at_start = _seats_at_start(scene)
+        self.set_seats(self._seats_at_start)
+        self._kept: Kept | None = None
 
     def snapshot(self, events: tuple[DeviceEvent, ...] = ()) -> Snapshot:
         """The current state of the world, frozen.
@@ -172,6 +165,20 @@ class World:
         crowd.read_company()
         self.tick, self._activity, self._interactions = tick, crowd.activity, crowd.interactions
 
+    def keep(self) -> None:
+        """Keep a copy of the state, at the start, for `restart`."""
+        self._kept = Kept(self._buffers, _CONSTANT)
+
+    def restart(self) -> None:
+        """Return to the state of `keep`; the next episode has the bits of one in a new world."""
+        assert self._kept is not None
+        self.set_seats(self._seats_at_start)
+        self._kept.restore()
+        self._engine.use(self._bodies.new_space()[0])
+        begin(self._packed.argument)
+        self.tick, self._last_contacts = 0, (b"", ())
+        self._activity, self._interactions = initial_activities(self.scene), self.scene.interactions
+
     @property
     def argument(self) -> Any:
         """The state as kernels take it, packed `Buffers`."""
@@ -205,11 +212,10 @@ class World:
         """Let pedestrians collide with all seats but their own, which `CrowdCommands.seats` lists."""
         own = self._buffers.sits_on
         for k in np.flatnonzero(seats != own).tolist():
-            for shape in self._bodies[k].shapes:
-                shape.filter = pymunk.ShapeFilter(group=_seat_group(int(seats[k])) if seats[k] >= 0 else 0)
+            self._bodies.set_seat(k, int(seats[k]))
         own[:] = seats
         self._buffers.may_overlap[:] = [
-            on >= 0 or _is_recorded(h) for on, h in zip(seats, self.scene.humans, strict=True)
+            on >= 0 or is_recorded(h) for on, h in zip(seats, self.scene.humans, strict=True)
         ]
 
     def _face(self, k: int, direction: Point) -> None:
@@ -245,38 +251,17 @@ def _guard(scene: Scene) -> Guard:
     )
 
 
-def _is_recorded(human: Human) -> bool:
-    return human.behaviour == "recorded"
-
-
 def _speed_limits(scene: Scene, steps: int) -> Array:
     """Maximum speed of each pedestrian, (N,), m/s; infinite in scenes with recorded pedestrians.
 
     Recorded pedestrians may have any speed and pass it on to others. In other scenes, a push moves a pedestrian by at
     most half the depth of its body in a physics step, so that it cannot pass through a wall.
     """
-    if any(map(_is_recorded, scene.humans)):
+    if any(map(is_recorded, scene.humans)):
         return np.full(len(scene.humans), math.inf)
     largest_step = scene.human_table.radius / (scene.rules.dt / steps)
     limits: Array = np.clip(largest_step, walking_speeds(scene), maximum_speeds(scene))
     return limits
-
-
-def _space_with_obstacles(scene: Scene) -> pymunk.Space:
-    """A physics space with the walls and the furniture of a scene."""
-    space = pymunk.Space()
-    space.iterations, space.collision_slop = scene.rules.iterations, 0.001  # pymunk's default slop is 0.1 m
-    space.collision_bias = OVERLAP_LEFT
-    shapes = _static_segments(space.static_body, [(w.start, w.end, 0.0) for w in scene.straight_walls.values()])
-    for k, piece in enumerate(scene.furniture):
-        if piece.on is None:
-            solid = _static_shapes(space.static_body, piece)
-            if piece.is_seat:
-                for shape in solid:
-                    shape.filter = pymunk.ShapeFilter(group=_seat_group(k))
-            shapes += solid
-    space.add(*shapes)
-    return space
 
 
 def _seats_at_start(scene: Scene) -> IntArray:
@@ -288,43 +273,3 @@ def _seats_at_start(scene: Scene) -> IntArray:
                 f"human {human.id} sits on {human.seat}, which is not a seat; set seat=True of the furniture"
             )
     return np.array([-1 if h.seat is None else index[h.seat] for h in scene.humans], dtype=np.int64)
-
-
-def _seat_group(index: int) -> int:
-    """The group of a seat and of the pedestrian on it: shapes of one group do not collide; 0 is no group.
-
-    Args:
-        index: of the seat in the scene's furniture.
-    """
-    return index + 1
-
-
-def _static_shapes(ground: pymunk.Body, furniture: Furniture) -> list[pymunk.Shape]:
-    """The outline of an object.
-
-    A rectangle consists of four segments. A polygon would not do: the engine misses its contacts with torsos, which are
-    segments that turn.
-    """
-    if isinstance(furniture.shape, Disc):
-        return [pymunk.Circle(ground, furniture.shape.radius, furniture.pose.position)]
-    return _static_segments(ground, furniture.shape.edges(furniture.pose))
-
-
-def _static_segments(ground: pymunk.Body, edges: Sequence[Edge]) -> list[pymunk.Shape]:
-    """Segments, and a circle at each of their ends.
-
-    The engine misses contacts between the end of one segment and the side of another, such as a door jamb and a torso.
-    """
-    ends = dict.fromkeys((point, radius) for start, end, radius in edges for point in (start, end))
-    segments = [pymunk.Segment(ground, start, end, radius) for start, end, radius in edges]
-    return [*segments, *(pymunk.Circle(ground, radius, point) for point, radius in ends)]
-
-
-def _body(position: Point, velocity: Point = (0.0, 0.0), is_recorded: bool = False, mass: float = MASS) -> pymunk.Body:
-    """A body that slides but does not rotate: headings of pedestrians and robot are not kept by the engine.
-
-    The body of a recorded pedestrian is kinematic: only its own velocity moves it.
-    """
-    body = pymunk.Body(mass, math.inf, pymunk.Body.KINEMATIC if is_recorded else pymunk.Body.DYNAMIC)
-    body.position, body.velocity = position, velocity
-    return body

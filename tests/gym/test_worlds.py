@@ -161,3 +161,23 @@ def test_actions_are_checked(actions: Any, error: type[Exception], message: str)
     with pytest.raises(error, match=message):
         worlds.step(actions)
     worlds.step(np.zeros((1, worlds.action_size)))
+
+
+def test_a_world_that_begins_again_has_the_bits_of_a_new_one() -> None:
+    """Three scenes in turn in three worlds, so that each world is used again for another place in the arrays."""
+    made = scenes(4)
+    worlds, rows = Worlds(made[:3], 2), []
+    for _ in range(2):
+        worlds.reset()
+        rows.append([])
+        for tick in range(170):
+            result = worlds.step([action(tick, 0, worlds.action_size)] * 2)
+            arrays = (*result.observations.values(), result.rewards, result.outcomes)
+            rows[-1].append(b"".join(array.tobytes() for array in arrays))
+    assert rows[0] == rows[1]
+    fresh = Worlds(made[:3], 2)
+    fresh.reset()
+    for tick in range(170):
+        result = fresh.step([action(tick, 0, fresh.action_size)] * 2)
+        arrays = (*result.observations.values(), result.rewards, result.outcomes)
+        assert rows[0][tick] == b"".join(array.tobytes() for array in arrays)

@@ -13,7 +13,7 @@ import numpy as np
 from ...core.barrier_grid import is_crossed, solids_of
 from ...core.compiled.calls import FLAG, FLOAT, FLOATS, FLOATS2, INT, PACKED, address_of, call
 from ...core.compiled.kernel import kernel, subroutine
-from ...core.compiled.packing import Packed, pack, unpack, zeros
+from ...core.compiled.packing import Kept, Packed, pack, unpack, zeros
 from ...core.compiled.scalar import length, rotation, unit_or
 from ...core.entities import DEFAULT_MODEL, Interaction
 from ...core.free_space import check_line, check_place
@@ -70,6 +70,11 @@ from .social.fixtures import fixtures_of, habits_of
 from .social.tasks import Meetings, lines_of, tasks_of
 from .wayfinding import Journeys, Spaces
 
+# Fields of `CrowdState` that stay the same, or hold what is known of a floor plan.
+_CONSTANT = frozenset({
+    "solids", "view_blocks", "borders", "origins", "nodes", "visible", "component", "calls", "law",
+    "fixtures", "habits", "find_row", "complete",
+})  # fmt: skip
 _TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims
 
 
@@ -105,6 +110,7 @@ class Crowd:
         seat = np.array([-1 if h.seat is None else pieces.get(h.seat, -1) for h in humans], dtype=np.int64)
         queue = np.array([-1 if h.queue is None else queues.get(h.queue, -1) for h in humans], dtype=np.int64)
         begin(self._state.argument, seat, queue)
+        self._kept: list[Kept] = []
         self._version, self.activity, self.interactions = -1, np.zeros(count, dtype=np.int64), scene.interactions
         self.read_company()
 
@@ -165,9 +171,22 @@ class Crowd:
             rows = company.links[: company.link_count[0]].tolist()
             self.interactions = tuple(Interaction(ids[src], RELATIONS[kind], ids[dst]) for src, dst, kind in rows)
 
+    def keep(self) -> None:
+        """Keep a copy of the state, at the start, for `restart`."""
+        memory = self._model.memory if isinstance(self._model, KernelModel) else ()
+        self._kept = [Kept(self._state.value, _CONSTANT), *(Kept(part, frozenset()) for part in memory)]
+
+    def restart(self) -> bool:
+        """Return to the state of `keep`; False if some lists have been made longer since."""
+        for kept in self._kept:
+            kept.restore()
+        self._version, self._all_present = -1, True
+        self.read_company()
+        return bool(self._kept)
+
     def extend_lists(self) -> None:
         """Make the lists of neighbours and walls as long as the last tick needed."""
-        own = self._state.value
+        own, self._kept = self._state.value, []
         walkers = with_longer_lists(own.walkers, *own.needed.tolist())
         other = np.zeros(len(walkers.neighbour), dtype=np.int64)
         other[: len(own.meetings.other)] = own.meetings.other

@@ -10,6 +10,7 @@ take it. With the address comes a number that stands for the types of arguments 
 from __future__ import annotations
 
 import hashlib
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,7 @@ if IS_COMPILED:
         text = repr((tuple(map(str, arguments)), str(result)))
         return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=7).digest())
 
+    @cache
     def address_of(kernel: Any, *arguments: int) -> IntArray:
         """The address of a kernel for arguments of some types, for `call` and its variants.
 

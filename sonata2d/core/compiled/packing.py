@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
+from collections.abc import Iterator, Set
 from functools import cache
 from itertools import count
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
@@ -54,6 +55,32 @@ class Packed(Generic[T]):
 
     def __reduce__(self) -> tuple[type[Packed[T]], tuple[T]]:
         return Packed, (self.value,)
+
+
+class Kept:
+    """A copy of the arrays of a named tuple.
+
+    Args:
+        value: named tuple of arrays, numbers and such named tuples.
+        constant: names of fields that never change.
+    """
+
+    def __init__(self, value: tuple[Any, ...], constant: Set[str]) -> None:
+        self._pairs = [(array, array.copy()) for array in _arrays_of(value, constant) if array.flags.writeable]
+
+    def restore(self) -> None:
+        """Write the copies back."""
+        for array, copy in self._pairs:
+            array[...] = copy
+
+
+def _arrays_of(value: Any, constant: Set[str]) -> Iterator[NDArray[Any]]:
+    for name, item in zip(value._fields, value, strict=True):
+        if name not in constant:
+            if isinstance(item, np.ndarray):
+                yield item
+            elif hasattr(item, "_fields"):
+                yield from _arrays_of(item, constant)
 
 
 class _Field(NamedTuple):

@@ -68,6 +68,7 @@ class EngineMemory:
 
     Args:
         space: with all its bodies.
+        bodies: of the space, in its order.
         torsos: segments, the shapes of the pedestrians.
         shoulder: (N,), half the length of their shoulder lines, m.
 
@@ -75,8 +76,14 @@ class EngineMemory:
         engine: the space for kernels.
     """
 
-    def __init__(self, space: pymunk.Space, torsos: Sequence[pymunk.Segment], shoulder: NDArray[Any]) -> None:
-        count = len(space.bodies)
+    def __init__(
+        self,
+        space: pymunk.Space,
+        bodies: Sequence[pymunk.Body],
+        torsos: Sequence[pymunk.Segment],
+        shoulder: NDArray[Any],
+    ) -> None:
+        count = len(bodies)
         # The engine would move a buffer with fewer than two free places, so that all are longer than needed.
         numbers = np.zeros(4 * count + 8), np.zeros(2 * count + 8), np.zeros(4 + 8)
         self._headers = ffi.new("pmFloatArray[3]")
@@ -92,11 +99,16 @@ class EngineMemory:
         self._space = space  # pymunk frees the C space with it
         addresses = [*_KINDS, *map(_address, (space._space, *self._requests))]
         counts = np.frombuffer(ffi.buffer(self._headers), dtype=np.int32)
-        bodies, forces = numbers[0][: 4 * count].reshape(count, 4), numbers[1][: 2 * count].reshape(count, 2)
+        motions, forces = numbers[0][: 4 * count].reshape(count, 4), numbers[1][: 2 * count].reshape(count, 2)
         shapes = np.array([_address(torso._shape) for torso in torsos], dtype=np.int64)
-        of_bodies = np.array([_address(body._body) for body in space.bodies], dtype=np.int64)
+        of_bodies = np.array([_address(body._body) for body in bodies], dtype=np.int64)
         handle = np.array(addresses, dtype=np.int64)
-        self.engine = Engine(handle, counts, bodies, forces, shapes, shoulder, of_bodies, numbers[2][:4])
+        self.engine = Engine(handle, counts, motions, forces, shapes, shoulder, of_bodies, numbers[2][:4])
+
+    def use(self, space: pymunk.Space) -> None:
+        """Work on another space with the same bodies."""
+        self._space = space
+        self.engine.handle[_SPACE] = _address(space._space)
 
 
 def _address(item: Any) -> int:

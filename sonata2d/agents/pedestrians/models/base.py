@@ -148,6 +148,11 @@ class KernelModel:
         self.kernel(self._packed(walkers), parameters, self._barriers, self._side, self._dt, acceleration)
         return acceleration
 
+    @property
+    def memory(self) -> tuple[tuple[Any, ...], ...]:
+        """Named tuples of arrays in which the kernel remembers something from tick to tick."""
+        return ()
+
     def packed_parameters(self, count: int) -> Any:
         """The second argument of the kernel for a number of agents: by default the packed `parameters`."""
         return self._parameters

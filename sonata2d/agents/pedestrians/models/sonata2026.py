@@ -597,6 +597,10 @@ class Sonata2026Model(KernelModel):
         # Read here, so that `benchmarks/calibrate.py` can replace the parameters.
         self._input = Packed(Input(PARAMETERS, zeros(Memory, 0)))
 
+    @property
+    def memory(self) -> tuple[tuple[Any, ...], ...]:
+        return (self._input.value.memory,)
+
     def packed_parameters(self, count: int) -> Any:
         if count > len(self._input.value.memory.generator):
             self._add_agents(count)
