@@ -128,6 +128,7 @@ if IS_COMPILED:
 
 else:
 
+    @cache
     def address_of(kernel: Any, *arguments: int) -> IntArray:
         """The number of a function in `_functions`."""
         if kernel not in _functions:
