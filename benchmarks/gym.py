@@ -26,6 +26,7 @@ import sonata2d.gym as s2g
 
 LENGTH, HALF = 200, 5.0  # steps of an episode; half the side of the room, m
 WORLDS, MANY = 8, 64  # of vectors
+BATCHES, POOL = (64, 1024), 256  # numbers of worlds of `sonata2d.Worlds`, and of the scenes that they take in turn
 PEOPLE = (5, 10, 20)
 Stepper = Callable[[int], None]  # runs a number of steps
 
@@ -87,6 +88,22 @@ def vector(make: Callable[[], Any]) -> Stepper:
     return run
 
 
+def worlds(people: int, count: int, threads: int = 1) -> Stepper:
+    """`sonata2d.Worlds`; every world has had an episode before, so that all are reset as in training."""
+    config = s2.load_scenario("empty").changed(**settings(people))
+    batch = s2.Worlds([s2.generate(config, 0, k) for k in range(POOL)], count, threads=threads)
+    actions = np.tile(command(0), (count, 1))
+    batch.reset()
+    batch.reset()
+
+    def run(steps: int) -> None:
+        for k in range(max(steps, LENGTH * count) // count):  # whole episodes
+            actions[:] = command(k)
+            batch.step(actions)
+
+    return run
+
+
 def candidates(people: int) -> dict[str, Stepper]:
     """What is measured, by name."""
 
@@ -103,6 +120,8 @@ def candidates(people: int) -> dict[str, Stepper]:
         "dictionary": single(make),
         "flat": single(lambda: s2g.Flat(make())),
         "lidar, 72 rays": single(lambda: s2g.Lidar(make())),
+        **{f"Worlds, {count}": worlds(people, count) for count in BATCHES},
+        "Worlds, 64, two threads": worlds(people, 64, threads=2),
         f"vector of {WORLDS}, flat": vector(lambda: own_vector(WORLDS)),
         f"vector of {MANY}, flat": vector(lambda: own_vector(MANY)),
         f"AsyncVectorEnv of {WORLDS}, flat": vector(
