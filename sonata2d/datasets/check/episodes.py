@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+
+import orjson
 
 from ...errors import InvalidFileError, RecordError
 from ...record.files import file_exists, read_bytes, sha256_of
@@ -108,7 +111,13 @@ def repeated_keys(path: Path) -> list[Problem]:
             duplicates.extend(repeated(key for key, _ in pairs))
         return content
 
-    json.loads(read_bytes(path), object_pairs_hook=collect)
+    content = read_bytes(path)
+    # A repeated key is a text that a parser drops. Without escaped characters each text has two quotes, and counting
+    # them takes a tenth of the time.
+    with suppress(ValueError):  # a number that orjson does not read, which the other parser does
+        if b"\\" not in content and orjson.dumps(orjson.loads(content)).count(b'"') == content.count(b'"'):
+            return []
+    json.loads(content, object_pairs_hook=collect)
     return [Problem(path.name, key, "is given twice; one of the values is ignored") for key in duplicates[:1]]
 
 

@@ -6,7 +6,7 @@ Ids, references and the lengths of rows are checked when a file is read, see `re
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -220,18 +220,20 @@ def _check_overlaps(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Findin
     directions, radii, shoulders = _bodies(record)
     names = [*(f"human {human.id}" for human in scene.humans), "the robot"]
     walls = Barriers.of((wall.start, wall.end, 0.0) for wall in scene.straight_walls.values())
+    solids = [thing for thing in scene.furniture if thing.on is None]  # bodies do not collide with things on a table
+    is_near = _are_near(positions, np.maximum(radii - maximum_overlap, 0.0) + shoulders, walls, solids)
     for k, name in enumerate(names):
         position, minimum_distance = positions[:, k], radii[k] - maximum_overlap
-        line = shoulder_lines(position, directions[:, k], shoulders[k])
-        if len(walls):
-            depth = minimum_distance - segment_distances(*line, walls).min(axis=0)
-            yield from _worst_tick(depth, "walls", name, "m too deep in a wall")
-        for thing in scene.furniture:
-            if thing.on is None:  # bodies do not collide with things on a table
-                depth = minimum_distance - _distance_to_outline(*line, thing)
-                if thing.is_seat and k < len(scene.humans):
+        ticks = np.flatnonzero(is_near[:, k])
+        if len(ticks):
+            line = shoulder_lines(position[ticks], directions[ticks, k], shoulders[k])
+            for kind, thing, distance in _distances_to_solids(line, walls, solids):
+                depth = np.full(len(position), np.nan)
+                depth[ticks] = minimum_distance - distance
+                if thing is not None and thing.is_seat and k < len(scene.humans):
                     depth[record.states.activity[:, k] == _SITTING] = np.nan
-                yield from _worst_tick(depth, "objects", name, f"m too deep in {thing.type} {thing.id}")
+                what = "a wall" if thing is None else f"{thing.type} {thing.id}"
+                yield from _worst_tick(depth, kind, name, f"m too deep in {what}")
         present = np.flatnonzero(np.isfinite(position[:, 0]))
         reach = minimum_distance + radii[k + 1 :] + shoulders[k] + shoulders[k + 1 :]
         # The outlines of the other pairs cannot touch.
@@ -248,6 +250,27 @@ def _check_overlaps(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Findin
             depth, close = np.full(len(position), np.nan), others == other
             depth[ticks[close]] = minimum_distance + radii[other] - distance[close]
             yield from _worst_tick(depth, "humans", name, f"m too deep in {names[other]}")
+
+
+def _are_near(positions: Array, reach: Array, walls: Barriers, solids: Sequence[Furniture]) -> BoolArray:
+    """Whether bodies come within a reach of a solid, m, (N + 1,), and can be too deep in it; (T + 1, N + 1)."""
+    points = positions.reshape(-1, 2)
+    distance = walls.gaps(points).min(axis=0, initial=np.inf)
+    for thing in solids:
+        x, y = (points - np.array(thing.pose.position)).T
+        distance = np.fmin(distance, np.sqrt(x * x + y * y) - thing.shape.circumradius)
+    near: BoolArray = distance.reshape(positions.shape[:2]) < reach
+    return near
+
+
+def _distances_to_solids(
+    line: tuple[Array, Array], walls: Barriers, solids: Sequence[Furniture]
+) -> Iterator[tuple[str, Furniture | None, Array]]:
+    """Section of a frame, object, and distance of each line to it, m; first of all walls."""
+    if len(walls):
+        yield "walls", None, segment_distances(*line, walls).min(axis=0)
+    for thing in solids:
+        yield "objects", thing, _distance_to_outline(*line, thing)
 
 
 def _check_presence(record: EpisodeRecord) -> Iterator[Finding]:
