@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from copy import deepcopy
 from difflib import get_close_matches
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -88,6 +90,9 @@ def _find(name: str, folder: Path) -> Path:
     raise ConfigError(f"no scenario file or preset {name!r}{hint}")
 
 
+_preset_settings = cache(parse_settings)
+
+
 def _load(path: Path, extended_by: tuple[Path, ...]) -> tuple[ScenarioConfig, dict[str, Any]]:
     """Load a file.
 
@@ -100,7 +105,8 @@ def _load(path: Path, extended_by: tuple[Path, ...]) -> tuple[ScenarioConfig, di
     """
     if _real(path) in extended_by:
         raise ConfigError(f"{path.name} extends itself")
-    settings = parse_settings(path)
+    # Presets do not change, and parsing one takes as long as a generated scene.
+    settings = deepcopy(_preset_settings(path)) if path.parent == _PRESETS else parse_settings(path)
     if "extends" in settings:
         try:
             base = _load(_find(str(settings.pop("extends")), path.parent), (*extended_by, _real(path)))[1]
