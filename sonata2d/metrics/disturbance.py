@@ -6,29 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..agents.controllers.base import Controller
+from ..agents.pedestrians.crowd import Crowd
 from ..core.entities import Human, Robot
 from ..core.geometry import Pose, Twist
 from ..core.portable_math import Array, BoolArray
 from ..core.scene import Scene
-from ..core.snapshot import Snapshot
 from ..core.vectors import lengths
 from ..datasets.transforms.mirror import mirrored
 from ..record.canonical import rounded
 from ..record.record import EpisodeRecord
-from ..sim.episode import Episode
+from ..sim.world import World
 from ..version import PHYSICS_VERSION
 from .definition import metric
 from .trajectory import Trajectory
 
 _DISTANCE_FROM_ROOM = 100.0  # m, where the robot stands, ignored, in the run without a robot
-
-
-class _StandStill(Controller):
-    """Does not move."""
-
-    def act(self, snapshot: Snapshot) -> Twist:
-        return Twist()
 
 
 class RunWithoutRobot:
@@ -40,14 +32,14 @@ class RunWithoutRobot:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self._episode = Episode(scene, _StandStill())
-        self._states = [_positions(self._episode.snapshot())]
+        self._world, self._crowd = World(scene), Crowd(scene)
+        self._states = [self._world.positions()]
 
     def positions(self, count: int) -> Array:
         """(count, N, 2), m, positions of the humans at the first states, rounded as in files, NaN where absent."""
         while len(self._states) < count:
-            self._episode.step()
-            self._states.append(_positions(self._episode.snapshot()))
+            self._world.run_tick(Twist(), self._crowd)
+            self._states.append(self._world.positions())
         return rounded(np.stack(self._states[:count]))
 
 
@@ -74,12 +66,6 @@ def without_robot(record: EpisodeRecord, runs: list[RunWithoutRobot] | None = No
     if all(run.scene != scene for run in runs):
         runs.append(RunWithoutRobot(scene))
     return next(run for run in runs if run.scene == scene).positions(len(record) + 1)
-
-
-def _positions(snapshot: Snapshot) -> Array:
-    """(N, 2), m; NaN where absent."""
-    humans = snapshot.humans
-    return np.asarray(humans.expand(humans.position, len(snapshot.scene.humans), np.nan))
 
 
 def _walks(human: Human) -> bool:

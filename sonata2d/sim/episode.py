@@ -319,10 +319,7 @@ class Episode(Drawable):
         try:
             for observer in self.observers:
                 observer.on_frame(frame)
-            if self._crowd.is_compiled:
-                self._world.run_tick(tick_input.command, self._crowd)
-            else:
-                self._world.step(tick_input.command, self._crowd.act(snapshot), is_limited=True)
+            self._world.run_tick(tick_input.command, self._crowd)
         except BaseException as error:
             interruption.reraise(error)
             self._close_after(error, snapshot)

@@ -22,7 +22,7 @@ from ..core.compiled.kernel import say_if_slow
 from ..core.compiled.packing import Kept, Packed, pack
 from ..core.devices import DeviceEvent
 from ..core.geometry import Point, Twist
-from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, activities_of_present, frozen
+from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, X, Y, activities_of_present, frozen
 from ..core.portable_math import Array, IntArray
 from ..core.scene import Scene, initial_activities
 from ..core.snapshot import Contact, CrowdCommands, Snapshot
@@ -142,12 +142,17 @@ class World:
             enter_and_leave(self._packed.argument, self.tick, leaving, nobody)
 
     def run_tick(self, twist: Twist, crowd: Crowd) -> None:
-        """Let the pedestrians decide, and move the world by one tick, without the interpreter in between.
+        """Let the pedestrians decide, and move the world by one tick.
+
+        The interpreter is not needed in between, unless the pedestrian model is ordinary Python.
 
         Args:
             twist: of the robot's drive, body frame; limited to what the drive can reach within the tick.
-            crowd: whose pedestrian model is a kernel.
+            crowd: of the same scene.
         """
+        if not crowd.is_compiled:
+            self.step(twist, crowd.act(self.snapshot()), is_limited=True)
+            return
         command, is_decided = (float(twist.vx), float(twist.vy), float(twist.omega)), False
         while True:
             need = run_tick(self._packed.argument, crowd.argument, self.calls, self.tick, *command, is_decided)
@@ -159,6 +164,10 @@ class World:
                 self.set_seats(crowd.state.tasks.sits_on)
                 is_decided = True
         self.note(self.tick + 1, crowd)
+
+    def positions(self) -> Array:
+        """(N, 2), m, of the pedestrians; NaN where absent."""
+        return np.where(self._buffers.attendance.is_absent[:, None], np.nan, self._buffers.humans[:, X : Y + 1])
 
     def note(self, tick: int, crowd: Crowd) -> None:
         """Take note that kernels have moved the world to a tick."""
