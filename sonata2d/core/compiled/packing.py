@@ -159,9 +159,13 @@ def _numbers(value: Any) -> list[int]:
             numbers += _numbers(item)
         elif dimensions == 0:
             numbers.append(_WORD.unpack(_FLOAT.pack(item))[0] if dtype is np.float64 else int(item))
-        elif item.dtype == dtype and item.ndim == dimensions and item.flags.c_contiguous:
-            numbers += (int(_FFI.cast(_ADDRESS, _FFI.from_buffer(item))), *item.shape)
         else:
+            try:
+                if (item.dtype is dtype or item.dtype == dtype) and item.ndim == dimensions:
+                    numbers += (int(_FFI.cast(_ADDRESS, _FFI.from_buffer(item))), *item.shape)
+                    continue
+            except ValueError:  # not contiguous
+                pass
             expected = f"a contiguous array of {np.dtype(dtype)} with {dimensions} dimensions"
             raise TypeError(f"{type(value).__name__}.{name} must be {expected}, got {item.dtype} {item.shape}")
     return numbers
