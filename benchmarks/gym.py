@@ -28,7 +28,7 @@ LENGTH, HALF = 200, 5.0  # steps of an episode; half the side of the room, m
 WORLDS, MANY = 8, 64  # of vectors
 BATCHES, POOL = (64, 1024), 256  # numbers of worlds of `sonata2d.Worlds`, and of the scenes that they take in turn
 PEOPLE = (5, 10, 20)
-Stepper = Callable[[int], None]  # runs a number of steps
+Stepper = Callable[[int], int | None]  # runs a number of steps; returns it if it is another one
 
 
 def settings(people: int) -> dict[str, Any]:
@@ -89,18 +89,21 @@ def vector(make: Callable[[], Any]) -> Stepper:
 
 
 def worlds(people: int, count: int, threads: int = 1) -> Stepper:
-    """`sonata2d.Worlds`; every world has had an episode before, so that all are reset as in training."""
+    """`sonata2d.Worlds`; each scene has had an episode before, as in long training."""
     config = s2.load_scenario("empty").changed(**settings(people))
     batch = s2.Worlds([s2.generate(config, 0, k) for k in range(POOL)], count, threads=threads)
     actions = np.tile(command(0), (count, 1))
     batch.reset()
-    batch.reset()
 
-    def run(steps: int) -> None:
-        for k in range(max(steps, LENGTH * count) // count):  # whole episodes
+    def run(steps: int) -> int:
+        ticks = LENGTH * max(steps // (LENGTH * count), 1)  # whole episodes
+        for k in range(ticks):
             actions[:] = command(k)
             batch.step(actions)
+        return ticks * count
 
+    for _ in range(POOL // count + 2):
+        run(0)
     return run
 
 
@@ -194,7 +197,7 @@ def highway(people: int) -> Stepper | None:
 def steps_per_second(run: Stepper, steps: int) -> tuple[float, float]:
     """Steps per CPU second of this process, and per second of wall time."""
     cpu, wall = time.process_time(), time.perf_counter()
-    run(steps)
+    steps = run(steps) or steps
     return steps / (time.process_time() - cpu), steps / (time.perf_counter() - wall)
 
 
