@@ -143,6 +143,7 @@ class Worlds:
         self._outcome, self._measured = np.zeros(count, dtype=np.int64), np.zeros((count, MEASURED_SIZE))
         self._is_new = np.zeros(count, dtype=bool)
         self._limits = np.zeros((count, 4))  # ahead, back, sideways, turn
+        self._dt = [0.0] * count  # s, ticks
         self._next = 0  # index of the next scene
         self._idle: list[_Running] = []  # worlds that can begin again
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
@@ -274,6 +275,7 @@ class Worlds:
         running.attach(arrays, self._outcome[w : w + 1], self._measured[w])
         self._running[w], self._addresses[w], limits = running, running.address, running.scene.robot.limits
         self._limits[w] = limits.ahead, limits.back, limits.sideways, limits.turn
+        self._dt[w] = running.scene.rules.dt
 
     def _again(self, index: int) -> _Running | None:
         """A world that ran an episode of a scene before, at the start again; None without one."""
@@ -289,11 +291,9 @@ class Worlds:
         progress, gap = (before - measured[:, GOAL_DISTANCE]).tolist(), measured[:, CLEARANCE].tolist()
         contact = (measured[:, WITH_HUMAN : WITH_WALL + 1] != 0.0).any(axis=1).tolist()
         status = [STATUSES[code] for code in self._outcome.tolist()]
-        dt = [self._at(w).scene.rules.dt for w in range(self.num_worlds)]
-        rewards = [
-            0.0 if begins else of(*values)
-            for begins, *values in zip(is_first.tolist(), progress, gap, contact, status, dt, strict=True)
-        ]
+        rewards = [*map(of, progress, gap, contact, status, self._dt)]
+        for w in np.flatnonzero(is_first).tolist():
+            rewards[w] = 0.0
         return np.array(rewards, dtype=float)
 
     def _save(self, running: _Running) -> None:
