@@ -28,19 +28,9 @@ from ...core.snapshot import CrowdCommands, Snapshot
 from ...core.turning import critically_damped, turn_limits
 from ...registry import PEDESTRIAN_MODELS
 from .crowd_state import PURPOSES, Calls, CrowdState, Intentions, Law
-from .decisions import (
-    advance_tasks,
-    begin,
-    choose_destination,
-    find_new_paths,
-    leave,
-    plan_path,
-    send,
-    stand,
-    start_stay,
-    start_straight,
-    update_partners,
-)
+from .decisions.acts import plan_path, send, stand
+from .decisions.destinations import choose_destination, find_new_paths, start_straight
+from .decisions.tasks import advance_tasks, begin, leave, start_stay, update_partners
 from .models.base import (
     KernelModel,
     PedestrianModel,

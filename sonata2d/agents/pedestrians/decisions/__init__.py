@@ -1,0 +1,1 @@
+"""Decisions of pedestrians, as kernels."""
