@@ -19,7 +19,7 @@ from ..agents.pedestrians.crowd import Crowd
 from ..agents.pedestrians.models.base import physics_steps
 from ..core.barrier_grid import solids_of
 from ..core.compiled.kernel import say_if_slow
-from ..core.compiled.packing import Kept, Packed, pack
+from ..core.compiled.packing import Kept, Packed
 from ..core.devices import DeviceEvent
 from ..core.geometry import Point, Twist
 from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, X, Y, activities_of_present, frozen
@@ -80,7 +80,8 @@ class World:
             facing=np.zeros((count, 2)),
             gaze=np.zeros((count, 2)),
         )
-        self._packed, self.calls = Packed(self._buffers), pack(tick_calls())
+        self._packed, self._packed_calls = Packed(self._buffers), Packed(tick_calls(scene))
+        self.calls = self._packed_calls.argument
         self._buffers.robot[BODY_X], self._buffers.robot[BODY_Y] = scene.robot.pose.direction
         for k, human in enumerate(scene.humans):
             self._face(k, human.pose.direction)

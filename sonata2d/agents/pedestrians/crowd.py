@@ -215,6 +215,7 @@ def _initial_state(scene: Scene, spaces: Spaces, model: PedestrianModel) -> Crow
     company, reactions = company_of(scene), initial_reactions(scene)
     routes, journeys = _routes(scene), _journeys(scene)
     walkers = with_longer_lists(_walkers(scene), min(count * count, 64 * count), min(len(scene.barriers), 32) * count)
+    law = _law_of(model, scene, walkers)
     return CrowdState(
         obstacles=spaces.obstacles,
         routes=routes,
@@ -236,10 +237,10 @@ def _initial_state(scene: Scene, spaces: Spaces, model: PedestrianModel) -> Crow
         ),
         walkers=walkers,
         draws=draws_of(scene.seed, scene.episode, "people", [human.id for human in humans], PURPOSES),
-        law=_law_of(model, scene, walkers),
+        law=law,
         is_present=np.ones(count, dtype=bool),
         needed=np.zeros(2, dtype=np.int64),
-        calls=_calls(),
+        calls=_calls(law.evaluations > 1),
     )  # fmt: skip
 
 
@@ -497,7 +498,7 @@ def total_acceleration(packed_state: Any, walking: Array, robot_x: float, robot_
 
 
 @cache
-def _calls() -> Calls:
+def _calls(is_stiff: bool) -> Calls:
     """The addresses of the kernels that kernels of pedestrians call."""
     ends = FLOAT, FLOAT, FLOAT, FLOAT
     return Calls(
@@ -516,7 +517,7 @@ def _calls() -> Calls:
         find_new_paths=address_of(find_new_paths, PACKED),
         prepare=address_of(prepare, PACKED, INT, FLOATS, FLOATS2),
         accelerate=address_of(accelerate, PACKED, FLOAT, FLOAT),
-        refresh=address_of(refresh, PACKED, FLOATS2),
+        refresh=address_of(refresh, PACKED, FLOATS2) if is_stiff else np.zeros(2, dtype=np.int64),
     )
 
 

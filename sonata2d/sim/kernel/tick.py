@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from ...agents.pedestrians.crowd_state import CrowdState
 from ...core.compiled.calls import FLAG, FLAGS, FLOAT, INT, PACKED, address_of, call, call_for_flag
@@ -11,6 +12,7 @@ from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Ints, unpack
 from ...core.humans import X, Y
 from ...core.portable_math import IntArray
+from ...core.scene import Scene
 from .rules import SUBSTEPS
 from .step import Buffers, advance, enter_and_leave, track
 
@@ -25,13 +27,15 @@ class TickCalls(NamedTuple):
     enter_and_leave: Ints
 
 
-@cache
-def tick_calls() -> TickCalls:
-    """The addresses of the kernels of the physics."""
+def tick_calls(scene: Scene) -> TickCalls:
+    """The addresses of the kernels of the physics that a scene needs: others are not compiled, and have zeros."""
+    humans, nothing = scene.humans, np.zeros(2, dtype=np.int64)
+    has_tracks = any(human.track for human in humans)
+    has_changes = bool(scene.doors) or any(h.enters > 0 or h.leaves is not None or h.exits for h in humans)
     return TickCalls(
-        track=address_of(track, PACKED, INT),
+        track=address_of(track, PACKED, INT) if has_tracks else nothing,
         advance=address_of(advance, PACKED, FLOAT, FLOAT, FLOAT, FLAG, INT, INT),
-        enter_and_leave=address_of(enter_and_leave, PACKED, INT, FLAGS, FLAGS),
+        enter_and_leave=address_of(enter_and_leave, PACKED, INT, FLAGS, FLAGS) if has_changes else nothing,
     )
 
 
