@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import pickle
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import replace
@@ -238,6 +240,23 @@ def test_a_follower_before_its_leader_looks_where_it_walks() -> None:
     assert routes.length.tolist() == [0, 2]
     routes.target[0] = 3.5, 3.0
     assert point_ahead(routes, 0, 3.0, 3.0, 1.0) == (3.5, 3.0)
+
+
+def test_a_crowd_goes_on_in_another_process() -> None:
+    """A copy must not hold addresses of the arrays that it was copied from."""
+    scene = s2.generate("lively", 3)
+    world, crowd = World(scene), Crowd(scene)
+    for _ in range(20):
+        world.step(Twist(), crowd.act(world.snapshot()))
+    copy, code = (
+        pickle.dumps((crowd, world.snapshot())),
+        (
+            "import pickle, sys; crowd, snapshot = pickle.load(sys.stdin.buffer);"
+            "print(crowd.act(snapshot).acceleration.tobytes().hex())"
+        ),
+    )
+    run = subprocess.run([sys.executable, "-c", code], input=copy, capture_output=True, check=True)
+    assert run.stdout.decode().strip() == crowd.act(world.snapshot()).acceleration.tobytes().hex()
 
 
 @pytest.mark.parametrize("copied", [deepcopy, lambda crowd: pickle.loads(pickle.dumps(crowd))], ids=["copy", "pickle"])

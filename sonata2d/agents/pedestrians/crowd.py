@@ -13,7 +13,7 @@ import numpy as np
 from ...core.barrier_grid import is_crossed, solids_of
 from ...core.compiled.calls import FLAG, FLOAT, FLOATS, FLOATS2, INT, PACKED, address_of, call
 from ...core.compiled.kernel import kernel, subroutine
-from ...core.compiled.packing import Kept, Packed, pack, unpack, zeros
+from ...core.compiled.packing import Kept, Packed, arrays_of, pack, unpack, zeros
 from ...core.compiled.scalar import length, rotation, unit_or
 from ...core.entities import DEFAULT_MODEL, Interaction
 from ...core.free_space import check_line, check_place
@@ -40,7 +40,7 @@ from .models.base import (
     pedestrian_model,
     standing_acceleration,
 )
-from .neighbours import find_neighbours, find_walls, with_longer_lists
+from .neighbours import find_neighbours, find_walls, with_lists, with_longer_lists
 from .orientation import HEAD_LEAD_TIME, IDLE_SPEED, MINIMUM_HEAD_LEAD, facing, gaze, initial_glances
 from .passages import find_passages, give_way
 from .reactions import adjust_course, apply_adjustment, initial_reactions, notice_robot, robot_repulsion, step_back
@@ -60,10 +60,11 @@ from .social.fixtures import fixtures_of, habits_of
 from .social.tasks import Meetings, lines_of, tasks_of
 from .wayfinding import Journeys, Spaces
 
-# Fields of `CrowdState` that stay the same, or hold what is known of a floor plan.
+# Fields of `CrowdState` that stay the same, hold addresses, or hold what is known of a floor plan.
 _CONSTANT = frozenset({
     "solids", "view_blocks", "borders", "origins", "nodes", "visible", "component", "calls", "law",
-    "fixtures", "habits", "find_row", "complete",
+    "fixtures", "habits", "find_row", "complete", "for_space", "for_space_graph", "for_tight", "for_tight_graph",
+    "for_passable", "for_passable_graph", "for_places",
 })  # fmt: skip
 _TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims
 
@@ -88,7 +89,7 @@ class Crowd:
             raise ValueError(f"all pedestrians must have the same model, got {', '.join(names)}")
         if names[0] not in PEDESTRIAN_MODELS:
             raise ValueError(PEDESTRIAN_MODELS.unknown(names[0]))
-        self._model = pedestrian_model(names[0])(scene)
+        self._scene, self._model = scene, pedestrian_model(names[0])(scene)
         self._spaces = Spaces(scene, solids_of(Barriers.of(_blocking_walls(scene))))
         self._state = Packed(_initial_state(scene, self._spaces, self._model))
         self._robot_position: Point = scene.robot.pose.position
@@ -103,6 +104,12 @@ class Crowd:
         self._kept: list[Kept] = []
         self._version, self.activity, self.interactions = -1, np.zeros(count, dtype=np.int64), scene.interactions
         self.read_company()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # The state holds addresses of its own arrays, so that a copy is made anew and gets the contents of the arrays.
+        own = self.state
+        lengths, arrays = (len(own.walkers.neighbour), len(own.walkers.wall)), [*arrays_of(own, _CONSTANT)]
+        return _continued, (self._scene, self._model, lengths, arrays, self._robot_position, self._all_present)
 
     def act(self, snapshot: Snapshot) -> CrowdCommands:
         """The commands of all pedestrians for the next tick.
@@ -176,8 +183,12 @@ class Crowd:
 
     def extend_lists(self) -> None:
         """Make the lists of neighbours and walls as long as the last tick needed."""
+        own = self._state.value
+        self._use_lists(with_longer_lists(own.walkers, *own.needed.tolist()))
+
+    def _use_lists(self, walkers: Walkers) -> None:
+        """Exchange the lists of neighbours and walls; pairs that have met stay known."""
         own, self._kept = self._state.value, []
-        walkers = with_longer_lists(own.walkers, *own.needed.tolist())
         other = np.zeros(len(walkers.neighbour), dtype=np.int64)
         other[: len(own.meetings.other)] = own.meetings.other
         law = own.law._replace(packed_walkers=pack(walkers))
@@ -207,6 +218,22 @@ class Crowd:
         if (present != own).any():
             own[:] = present
             update_partners(self._state.argument)
+
+
+def _continued(
+    scene: Scene, model: PedestrianModel, lengths: tuple[int, int], arrays: list[Array], robot_position: Point,
+    all_present: bool,
+) -> Crowd:  # fmt: skip
+    """A crowd that goes on from the arrays of another one of the same scene; see `Crowd.__reduce__`."""
+    crowd = Crowd(scene)
+    crowd._model, crowd._robot_position, crowd._all_present = model, robot_position, all_present
+    crowd._use_lists(with_lists(crowd.state.walkers, *lengths))
+    for place, array in zip(arrays_of(crowd.state, _CONSTANT), arrays, strict=True):
+        place[...] = array
+    crowd._state = Packed(crowd.state._replace(law=_law_of(model, scene, crowd.state.walkers)))
+    crowd._version = -1
+    crowd.read_company()
+    return crowd
 
 
 def _initial_state(scene: Scene, spaces: Spaces, model: PedestrianModel) -> CrowdState:

@@ -118,7 +118,11 @@ def find_walls(walkers: Walkers, is_present: BoolArray, solids: Solids) -> int:
 def with_longer_lists(walkers: Walkers, neighbours: int, walls: int) -> Walkers:
     """Walkers whose lists have room for twice as many neighbours and walls; they are empty."""
     count = len(walkers.position)
-    neighbours, walls = 2 * max(neighbours, 8 * count), 2 * max(walls, 8 * count)
+    return with_lists(walkers, 2 * max(neighbours, 8 * count), 2 * max(walls, 8 * count))
+
+
+def with_lists(walkers: Walkers, neighbours: int, walls: int) -> Walkers:
+    """Walkers whose lists have room for a number of neighbours and walls; they are empty."""
     return walkers._replace(
         neighbour=np.zeros(neighbours, dtype=np.int64), attention=np.zeros(neighbours),
         wall=np.zeros(walls, dtype=np.int64),

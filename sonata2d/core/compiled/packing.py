@@ -66,7 +66,7 @@ class Kept:
     """
 
     def __init__(self, value: tuple[Any, ...], constant: Set[str]) -> None:
-        self._pairs = [(array, array.copy()) for array in _arrays_of(value, constant) if array.flags.writeable]
+        self._pairs = [(array, array.copy()) for array in arrays_of(value, constant)]
 
     def restore(self) -> None:
         """Write the copies back."""
@@ -74,13 +74,14 @@ class Kept:
             array[...] = copy
 
 
-def _arrays_of(value: Any, constant: Set[str]) -> Iterator[NDArray[Any]]:
+def arrays_of(value: Any, constant: Set[str]) -> Iterator[NDArray[Any]]:
+    """The writeable arrays of a named tuple in their order, without those of some fields, see `Kept`."""
     for name, item in zip(value._fields, value, strict=True):
         if name not in constant:
-            if isinstance(item, np.ndarray):
+            if isinstance(item, np.ndarray) and item.flags.writeable:
                 yield item
             elif hasattr(item, "_fields"):
-                yield from _arrays_of(item, constant)
+                yield from arrays_of(item, constant)
 
 
 class _Field(NamedTuple):
