@@ -2,6 +2,7 @@
 
 import math
 import os
+import pickle
 import subprocess
 import sys
 from itertools import pairwise
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+import sonata2d as s2
 from sonata2d.core.geometry import Barriers, Disc, Pose, Rectangle
 from sonata2d.core.navigation import FreeSpace
 
@@ -352,3 +354,12 @@ def test_a_path_does_not_depend_on_earlier_searches_in_a_room_with_narrow_places
     searched, draw = space(small, walls, clearance=0.2), np.random.default_rng(seed)
     for start, goal in draw.uniform(0.0, 4.0, (30, 2, 2)).tolist():
         assert np.array_equal(searched.path(start, goal), space(small, walls, clearance=0.2).path(start, goal))
+
+
+def test_paths_in_another_process_have_the_same_lengths() -> None:
+    """Addresses of kernels are valid in one process only."""
+    scene = s2.generate("sonata-2020", 1)
+    free = FreeSpace(scene.outline, scene.barriers, 0.3)
+    code = "import pickle, sys; print(pickle.load(sys.stdin.buffer).distance((-2.0, -2.0), (2.0, 2.0)))"
+    run = subprocess.run([sys.executable, "-c", code], input=pickle.dumps(free), capture_output=True, check=True)
+    assert float(run.stdout) == free.distance((-2.0, -2.0), (2.0, 2.0))

@@ -22,6 +22,24 @@ PACKED, FLOATS, FLOATS2, INTS, INTS2, INT, FLOAT, FLAG, FLAGS = range(9)  # type
 _functions: list[Any] = []  # of the interpreter, by address
 
 
+class _Address(np.ndarray[Any, Any]):
+    """An address that is found anew where it is unpickled, since it is valid in one process only."""
+
+    origin: tuple[Any, ...]  # arguments of `address_of`
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return address_of, self.origin
+
+    def __deepcopy__(self, memo: Any) -> _Address:
+        return self
+
+
+def _address(address: int, signature: int, origin: tuple[Any, ...]) -> IntArray:
+    found = np.array([address, signature], dtype=np.int64).view(_Address)
+    found.origin = origin
+    return found
+
+
 if IS_COMPILED:
     from numba import types
     from numba.core import cgutils
@@ -62,7 +80,7 @@ if IS_COMPILED:
             kernel.compile(signature)
         result = kernel.overloads[signature]
         address = result.library.get_pointer_to_function(result.fndesc.llvm_func_name)
-        return np.array([address, _signature_id(signature, result.signature.return_type)])
+        return _address(address, _signature_id(signature, result.signature.return_type), (kernel, *arguments))
 
     def _converted(kind: Any) -> Any:
         """The type of an argument as kernels are compiled for it."""
@@ -133,7 +151,7 @@ else:
         """The number of a function in `_functions`."""
         if kernel not in _functions:
             _functions.append(kernel)
-        return np.array([_functions.index(kernel), 0])
+        return _address(_functions.index(kernel), 0, (kernel, *arguments))
 
     def call(address: IntArray, arguments: tuple[Any, ...]) -> Any:
         """Call a function by its number."""
