@@ -32,7 +32,7 @@ from .portable_math import Array, IntArray
 _SMALLEST_CELL = 1.0  # m
 _FEW = 8  # barriers that need no more than one cell
 _MOST_CELLS = 4096  # in each direction
-_CHANGEABLE_CELL, _MOST_CELLS_OF_ONE = 2.0, 16  # m; and cells of each of these barriers, which are shorter than 6 m
+_CHANGEABLE_CELL = 2.0  # m, least size of a cell for barriers that change; larger than their radii
 _SLACK = 1e-6  # m, by which cells list more than they contain, against rounding
 
 
@@ -107,7 +107,9 @@ def changeable_solids(around: Solids, capacity: int) -> Solids:
     width, depth = grid.columns * grid.cell, grid.rows * grid.cell
     cell = max(math.sqrt(width * depth / max(capacity, 1)), _CHANGEABLE_CELL)
     columns, rows = int(width / cell) + 1, int(depth / cell) + 1
-    first, item = np.zeros(columns * rows + 1, dtype=np.int64), np.zeros(_MOST_CELLS_OF_ONE * capacity, dtype=np.int64)
+    # A line through the whole room and a cell beside it on each side.
+    most = 3 * (columns + rows + 2) * capacity
+    first, item = np.zeros(columns * rows + 1, dtype=np.int64), np.zeros(most, dtype=np.int64)
     return Solids(
         np.zeros((capacity, 8)), np.zeros(1, np.int64), Grid(grid.west, grid.south, cell, columns, rows, first, item)
     )
