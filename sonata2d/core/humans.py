@@ -19,7 +19,7 @@ from .wording import counted
 # Columns of the (N, 9) state of the pedestrians, world frame: position, velocity, unit vectors of the body's heading
 # and of the gaze, turn rate. Arrays of bodies that hold position and velocity only have the first four of them.
 X, Y, VX, VY, BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA = range(9)
-_ACTIVITY_ALONE = np.array([ACTIVITIES.index(activity.alone or activity.name) for activity in ACTIVITY.values()])
+ACTIVITY_ALONE = np.array([ACTIVITIES.index(activity.alone or activity.name) for activity in ACTIVITY.values()])
 
 RESPONSE_TIME = 0.5  # s, in which a pedestrian can reverse its velocity
 MAXIMUM_SPEED_RATIO = 1.3  # maximum speed over desired speed (Helbing & Molnár, Phys. Rev. E 51 (1995) 4282)
@@ -233,7 +233,7 @@ def activities_of_present(activity: IntArray, ids: IntArray, interactions: Itera
     """
     partners = {id for interaction in interactions for id in (interaction.src, interaction.dst)}
     is_alone = np.array([id not in partners for id in ids.tolist()], dtype=bool)
-    return frozen(np.where(is_alone, _ACTIVITY_ALONE[activity], activity))
+    return frozen(np.where(is_alone, ACTIVITY_ALONE[activity], activity))
 
 
 def activity_indices(alone: Mapping[int, str], interactions: Iterable[Interaction]) -> IntArray:

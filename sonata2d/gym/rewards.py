@@ -9,13 +9,14 @@ from inspect import signature
 from typing import Any, Protocol
 
 from ..core.compiled.kernel import kernel
-from ..core.compiled.scalar import length, to_shoulder_line
+from ..core.compiled.scalar import length
 from ..core.floats import FloatFields
-from ..core.humans import BODY_X, BODY_Y, X, Y
+from ..core.humans import X, Y
 from ..core.portable_math import Array
 from ..core.snapshot import Outcome, Snapshot
 from ..core.wording import shown
 from ..registry import did_you_mean
+from ..sim.kernel.batch import gap_to_person
 
 
 class Reward(Protocol):
@@ -230,7 +231,5 @@ def _clearance(humans: Array, radius: Array, shoulder: Array, robot: Array) -> f
     """Gap between the centre of the robot and the nearest of the pedestrians, whose columns are `core.humans`; m."""
     nearest = math.inf
     for k in range(len(humans)):
-        dx, dy = humans[k, X] - robot[X], humans[k, Y] - robot[Y]
-        dx, dy = to_shoulder_line(dx, dy, humans[k, BODY_X], humans[k, BODY_Y], shoulder[k])
-        nearest = min(nearest, length(dx, dy) - radius[k])
+        nearest = min(nearest, gap_to_person(robot, humans, k, radius[k], shoulder[k]))
     return nearest

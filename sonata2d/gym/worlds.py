@@ -141,7 +141,6 @@ class Worlds:
         self._addresses = np.zeros(count, dtype=np.int64)
         self._commands, self._needs = np.zeros((count, 3)), np.zeros(count, dtype=np.int64)
         self._outcome, self._measured = np.zeros(count, dtype=np.int64), np.zeros((count, MEASURED_SIZE))
-        self._is_new = np.zeros(count, dtype=bool)
         self._limits = np.zeros((count, 4))  # ahead, back, sideways, turn
         self._dt = [0.0] * count  # s, ticks
         self._next = 0  # index of the next scene

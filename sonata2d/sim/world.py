@@ -1,6 +1,6 @@
 """The physical world: a scene in pymunk. The only mutable object of the simulation.
 
-Reasons for the design: a tick is one call of a compiled kernel (`kernel.step.advance`), which calls the engine's own C
+Reasons for the design: a tick is one call of a compiled kernel (`kernel.tick.run_tick`), which calls the engine's own C
 functions. Pedestrians are moved by forces, never by setting velocities. The robot moves as its drive does, and nothing
 pushes it aside: wheels do not slip. Chipmunk moves bodies first and detects contacts afterwards, without a swept test,
 so a tick has several substeps, and the kernel itself stops the robot at outlines (`kernel/safety.py`). A space is built
@@ -136,9 +136,10 @@ class World:
             advance(self._packed.argument, float(twist.vx), float(twist.vy), float(twist.omega), is_limited, first, end)
         self._activity, self._interactions = crowd.activity, crowd.interactions
         self.tick += 1
-        attendance, nobody = buffers.attendance, np.zeros(len(buffers.sits_on), dtype=bool)
+        attendance = buffers.attendance
         attendance.is_changed[0] = False
         if attendance.is_changed[1] or (crowd.leaving is not None and crowd.leaving.any()):
+            nobody = np.zeros(len(buffers.sits_on), dtype=bool)
             leaving = nobody if crowd.leaving is None else crowd.leaving
             enter_and_leave(self._packed.argument, self.tick, leaving, nobody)
 

@@ -5,17 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ...agents.pedestrians.crowd_state import CrowdState
 from ...core.compiled.calls import call, call_for_int
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Bools, Floats, Ints, packed_at, unpack
 from ...core.compiled.scalar import angle_of, length, to_shoulder_line, wrap_angle
 from ...core.entities import ANY_HEADING
-from ...core.humans import BODY_X, BODY_Y, X, Y
+from ...core.humans import ACTIVITY_ALONE, BODY_X, BODY_Y, X, Y
 from ...core.portable_math import Array, BoolArray, IntArray
-from ...core.relations import ACTIVITIES, ACTIVITY
 from .rules import ROBOT_RADIUS
 from .step import Buffers
 from .tick import DONE, SEATS
@@ -24,7 +21,6 @@ RUNNING, GOAL, CONTACT, TIMEOUT = range(4)  # outcomes
 # Columns of `Member.measured`: gaps and distances in m; contacts of the last tick are 0 or 1.
 GOAL_DISTANCE, CLEARANCE, WITH_HUMAN, WITH_OBJECT, WITH_WALL = range(5)
 MEASURED_SIZE = 5
-_ALONE = np.array([ACTIVITIES.index(kind.alone or kind.name) for kind in ACTIVITY.values()])
 
 
 class Member(NamedTuple):
@@ -137,15 +133,22 @@ def _observe(member: Member) -> None:
 
 
 @subroutine
+def gap_to_person(robot: Array, humans: Array, k: int, radius: float, shoulder: float) -> float:
+    """Gap between the centre of the robot and pedestrian k, m; rows of `core.state` and `core.humans`."""
+    dx, dy = humans[k, X] - robot[X], humans[k, Y] - robot[Y]
+    dx, dy = to_shoulder_line(dx, dy, humans[k, BODY_X], humans[k, BODY_Y], shoulder)
+    gap: float = length(dx, dy) - radius
+    return gap
+
+
+@subroutine
 def _measure(member: Member, world: Buffers) -> None:
     """Distances and contacts."""
     robot, humans, guard, measured = world.robot, world.humans, world.guard, member.measured
     nearest = math.inf
     for k in range(len(humans)):
         if not world.attendance.is_absent[k]:
-            dx, dy = humans[k, X] - robot[X], humans[k, Y] - robot[Y]
-            dx, dy = to_shoulder_line(dx, dy, humans[k, BODY_X], humans[k, BODY_Y], guard.shoulder[k])
-            nearest = min(nearest, length(dx, dy) - guard.radius[k])
+            nearest = min(nearest, gap_to_person(robot, humans, k, guard.radius[k], guard.shoulder[k]))
     measured[GOAL_DISTANCE] = length(member.goal[0] - robot[X], member.goal[1] - robot[Y])
     measured[CLEARANCE] = nearest - world.rules[ROBOT_RADIUS]
     measured[WITH_HUMAN] = measured[WITH_OBJECT] = measured[WITH_WALL] = 0.0
@@ -191,4 +194,4 @@ def _set_activities(member: Member, world: Buffers, crowd: CrowdState) -> None:
             if is_there and k in (source, destination):
                 is_alone = False
         if is_alone:
-            member.activity[k] = _ALONE[company.activity[k]]
+            member.activity[k] = ACTIVITY_ALONE[company.activity[k]]

@@ -89,7 +89,7 @@ class Buffers(NamedTuple):
         rules: see `rules`.
         solids: walls and furniture.
         acceleration: (N, 2), m/s^2, of the pedestrians.
-        attendance: who is absent, and feels no force.
+        attendance: presence of the pedestrians; absent ones feel no force.
         sits_on: (N,) of int, see `CrowdCommands.seats`.
         may_overlap: (N,), pedestrians that may be inside solids: recorded ones, and those on seats.
         maximum_speed: (N,), m/s, of the pedestrians.

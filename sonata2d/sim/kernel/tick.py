@@ -87,7 +87,7 @@ def run_tick(
 
 @subroutine
 def _note_presence(world: Buffers, crowd: CrowdState) -> None:
-    """Tell the crowd who is present."""
+    """Copy the presence of the pedestrians into the state of the crowd."""
     if world.attendance.is_changed[0]:
         for k in range(len(crowd.is_present)):
             crowd.is_present[k] = not world.attendance.is_absent[k]

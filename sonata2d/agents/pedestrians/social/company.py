@@ -1,4 +1,4 @@
-"""The social state: who walks, where the others stand, and which pedestrians and objects they attend to."""
+"""Social state: the pedestrians that walk, the places of the others, and what each of them attends to."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def _interacts(company: Company, k: int) -> bool:
 
 @subroutine
 def _update_activity(company: Company, k: int, is_present: BoolArray) -> None:
-    """Derive the activity of pedestrian k, whose interactions are the same as before."""
+    """Derive the activity of pedestrian k from its interactions, which have not changed."""
     if _interacts(company, k):
         update_links(company, is_present)
     else:

@@ -65,7 +65,7 @@ class Lines(NamedTuple):
         slot: (Q, C) of int, of each member, ascending.
         move_at: (Q, C) of int, tick at which each member steps forward; -1 if it does not.
         served_at: (Q,) of int, tick at which the service of the first member ends; -1 if it has not begun.
-        last_served: (Q,) of int, who was served last and has not left the head; -1 for nobody.
+        last_served: (Q,) of int, row of the pedestrian that was served last, until it has left the head; else -1.
     """
 
     size: Ints
