@@ -31,6 +31,7 @@ import sonata2d.learning.graph as s2lg
 import sonata2d.metrics as s2m
 import sonata2d.testing as s2t
 import sonata2d.view as s2v
+from sonata2d.agents import KernelController
 from sonata2d.agents.controllers.planner import Weights
 from sonata2d.core.entities import Furniture, Goal, Human, Limits, Robot, Wall
 from sonata2d.core.floats import FloatFields
@@ -381,7 +382,7 @@ def settings_with_floats() -> Iterator[type]:
 
 def own_methods(public: type) -> Iterator[tuple[str, Any]]:
     for name in vars(public):
-        inherited = hasattr(s2.Controller, name)  # sonata2d calls it
+        inherited = hasattr(KernelController, name)  # sonata2d calls it
         if not name.startswith("_") and not inherited and callable(method := getattr(public, name)):
             yield name, method
 

@@ -1,4 +1,5 @@
 from .controllers.base import Answer as Answer, Controller as Controller, Regenerate as Regenerate, Stop as Stop
+from .controllers.compiled import KernelController as KernelController
 from .controllers.human_like import HumanLike as HumanLike
 from .controllers.labelled import Labelled as Labelled
 from .controllers.planner import SocialPlanner as SocialPlanner

@@ -36,7 +36,7 @@ from ..datasets.manifest import (
 )
 from ..errors import ConfigError, RecordError
 from ..record.canonical import parse_header
-from ..record.files import SUFFIXES, compress, file_stem, read_bytes, safe_name, safe_stem, write_atomically
+from ..record.files import SUFFIXES, compressed, file_stem, read_bytes, safe_name, safe_stem, write_atomically
 from ..record.layout import JsonDict, software_versions
 from ..record.reader import read_episode
 from ..record.recorder import EpisodeRecorder
@@ -220,10 +220,10 @@ class Collection:
                 break
             attempt += 1
         recorder.id = file_stem(path)
-        data = compress(recorder.document(), path)
+        document = recorder.complete()
         announce(path.name)
         try:
-            write_atomically(path, data)
+            write_atomically(path, compressed(document.parts(), document.size, path))
         except RecordError:  # also if the file is whole, but its name is not on the disk: it would be written once more
             with suppress(OSError):
                 path.unlink()

@@ -26,7 +26,7 @@ from ..errors import RecordError
 from ..record.canonical import to_json_value
 from ..record.files import read_stored
 from ..record.layout import JsonDict
-from ..sim.episode import TickInput
+from ..sim.inputs import TickInput
 
 logger = logging.getLogger(__name__)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, Protocol, Self
 
@@ -255,6 +255,22 @@ class Frame:
     label: Any = None
 
 
+class Frames(NamedTuple):
+    """Consecutive frames that differ in their numbers only.
+
+    Attributes:
+        first: snapshot of the first frame, whose activities, interactions and contacts all have.
+        rows: (T, 13 + 9 N), `State.row` of each frame; read-only.
+        commands: (T, 3), vx, vy (m/s) and omega (rad/s), body frame.
+        labels: of the frames; None: they have none.
+    """
+
+    first: Snapshot
+    rows: Array
+    commands: Array
+    labels: Sequence[Any] | None = None
+
+
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """End of an episode: status, reason in words, tick and time (s)."""
@@ -283,7 +299,11 @@ class ControllerInfo:
 
 
 class Observer(Protocol):
-    """Receives the scene, every frame and the outcome of an episode: a recorder, a window, a meter."""
+    """Receives the scene, every frame and the outcome of an episode: a recorder, a window, a meter.
+
+    An observer that also has a method `on_frames(frames: Frames)` may get many frames at once, after the world has
+    moved on.
+    """
 
     def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
         """Called once, before the first tick."""

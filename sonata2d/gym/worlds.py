@@ -24,7 +24,8 @@ from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..core.wording import shown
 from ..errors import ControllerError
-from ..sim.episode import Episode, TickInput
+from ..sim.episode import Episode
+from ..sim.inputs import TickInput
 from ..sim.kernel.batch import (
     CLEARANCE,
     CONTACT,
@@ -40,7 +41,8 @@ from ..sim.kernel.batch import (
     step_member,
     step_members,
 )  # fmt: skip
-from ..sim.kernel.tick import DONE, LONGER_LISTS, run_tick_address
+from ..sim.kernel.tick import DONE, LONGER_LISTS
+from ..sim.member import member_of
 from ..sim.world import World
 from .observation import Encoder, Order, Sizes
 from .parts import Observation, Rows
@@ -328,30 +330,12 @@ class _Running:
         sizes = encoder.sizes
         rows = Rows(*(np.full(n, -1) for n in (sizes.humans, sizes.objects, sizes.walls)))
         self._sight = sight_of(scene, rows, encoder.arrays, encoder.order == "nearest")
-        self._is_wall = np.array([kind == "wall" for kind, _ in scene.barrier_owner], dtype=bool)
 
     def attach(self, arrays: Arrays, outcome: IntArray, measured: Array) -> None:
         """Write observations, outcome and measurements into some arrays from now on; begins with those of the start."""
-        goal, rules, count = self.scene.goal, self.scene.rules, len(self.scene.humans)
         self._packed_sight = Packed(self._sight._replace(arrays=arrays))
-        self.member = Packed(
-            Member(
-                world=self.world.argument,
-                crowd=self.crowd.argument,
-                calls=self.world.calls,
-                run_tick=run_tick_address(),
-                write=_write_address(),
-                sight=self._packed_sight.argument,
-                row=self.world.row,
-                activity=np.zeros(count, dtype=np.int64),
-                is_present=np.ones(count, dtype=bool),
-                is_wall=self._is_wall,
-                goal=np.array([goal.x, goal.y, goal.theta, goal.distance, goal.angle], dtype=float),
-                ends_on=np.array(["goal" in rules.ends_on, "contact" in rules.ends_on]),
-                clock=np.array([0, rules.last_tick], dtype=np.int64),
-                outcome=outcome,
-                measured=measured,
-            )
+        self.member = member_of(
+            self.world, self.crowd, outcome, measured, write=_write_address(), sight=self._packed_sight.argument
         )
         observe_member(self.member.argument)
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 import orjson
@@ -14,6 +15,7 @@ from ..core.geometry import quantised
 from ..core.portable_math import Array
 from ..errors import RecordError
 
+PART = 1 << 20  # bytes
 # for `isinstance`, which finds a frequent type faster than an abstract one
 _SEQUENCE, _MAPPING, _NUMPY = (list, tuple), (dict, Mapping), (np.generic, np.ndarray)
 
@@ -40,7 +42,9 @@ def rounded_rows(rows: Array, angle_columns: list[int]) -> Array:
     return result
 
 
-def require_finite(rows: Array, names: tuple[str, ...], entity: str, ids: list[int] | None = None) -> None:
+def require_finite(
+    rows: Array, names: tuple[str, ...], entity: str, ids: list[int] | None = None, tick: int = 0
+) -> None:
     """Check that all numbers are finite.
 
     Args:
@@ -48,6 +52,7 @@ def require_finite(rows: Array, names: tuple[str, ...], entity: str, ids: list[i
         names: of the columns.
         entity: what the rows describe, e.g. "human".
         ids: of the entities, where there are several.
+        tick: of the first row.
 
     Raises:
         RecordError: a number is not finite; names column, entity and tick.
@@ -56,9 +61,8 @@ def require_finite(rows: Array, names: tuple[str, ...], entity: str, ids: list[i
         return
     index = np.argwhere(~np.isfinite(rows))[0].tolist()
     name = f"{entity} {ids[index[1]]}" if ids is not None else entity
-    raise RecordError(
-        f"{names[index[-1]]} of {name} is {rows[tuple(index)]} at tick {index[0]}; files contain finite numbers only"
-    )
+    value, at = rows[tuple(index)], tick + index[0]
+    raise RecordError(f"{names[index[-1]]} of {name} is {value} at tick {at}; files contain finite numbers only")
 
 
 def to_json_value(value: Any, location: str, *, exact: bool = False) -> Any:
@@ -162,7 +166,55 @@ def serialise(document: dict[str, Any]) -> bytes:
     return b",\n".join(lines)  # joined once, because a document may be large
 
 
+_BEFORE_FRAMES, _AFTER_FRAMES = b',\n"frames":[\n', b"\n]"
+
+
+class Document(NamedTuple):
+    """A document as `serialise` returns it, in parts, since the frames of a long episode need not fit in memory.
+
+    Attributes:
+        start: up to the first frame.
+        frames: file with the first frames, a comma and a newline between them; or None.
+        rest: the other frames, and what follows them.
+    """
+
+    start: bytes
+    frames: IO[bytes] | None
+    rest: bytes
+
+    @classmethod
+    def of(cls, document: dict[str, Any], frames: IO[bytes] | None, rest: Sequence[bytes]) -> Document:
+        """A document whose value of the key `frames` is left out.
+
+        Args:
+            document: see `serialise`; it has the key `frames`.
+            frames: see above.
+            rest: the other frames.
+        """
+        start, end = serialise(document | {"frames": []}).split(_BEFORE_FRAMES + _AFTER_FRAMES, 1)
+        joined = b",\n".join([b"", *rest] if frames and rest else rest)
+        return cls(start + _BEFORE_FRAMES, frames, joined + _AFTER_FRAMES + end)
+
+    @property
+    def size(self) -> int:
+        """Number of bytes."""
+        return len(self.start) + len(self.rest) + (self.frames.seek(0, os.SEEK_END) if self.frames else 0)
+
+    def parts(self) -> Iterator[bytes]:
+        """The bytes, in their order."""
+        yield self.start
+        if self.frames:
+            self.frames.seek(0)
+            while part := self.frames.read(PART):
+                yield part
+        yield self.rest
+
+    def header(self) -> dict[str, Any]:
+        """The keys before `frames`."""
+        return parse_header(self.start)
+
+
 def parse_header(document: bytes) -> dict[str, Any]:
     """Parse the keys before `frames` in the bytes that `serialise` returns, without parsing the frames."""
-    header: dict[str, Any] = orjson.loads(document[: document.index(b',\n"frames":[\n')] + b"}")
+    header: dict[str, Any] = orjson.loads(document[: document.index(_BEFORE_FRAMES)] + b"}")
     return header

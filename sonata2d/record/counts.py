@@ -21,6 +21,23 @@ def run_counts(robot: Robot, contacts: Iterable[Iterable[Contact]], command: Arr
     return {"contacts": count_contacts(contacts), "commands_beyond_limits": commands_beyond_limits(robot, command)}
 
 
+def merged_counts(first: JsonDict, second: JsonDict) -> JsonDict:
+    """The counts of a run by those of its two parts, see `run_counts`."""
+    contacts: dict[str, dict[str, int]] = {}
+    for kind in (ANY_KIND, *CONTACT_KINDS):
+        parts = [part["contacts"][kind] for part in (first, second) if kind in part["contacts"]]
+        if parts:
+            contacts[kind] = {key: sum(part[key] for part in parts) for key in parts[0]}
+    beyond: dict[str, dict[str, float]] = {}
+    for name in COMMAND_NAMES:
+        key = "commands_beyond_limits"
+        excesses = [part[key][name] for part in (first, second) if name in part[key]]
+        if excesses:
+            worst = max(excesses, key=lambda excess: excess["command"] - excess["limit"])
+            beyond[name] = worst | {"frames": sum(excess["frames"] for excess in excesses)}
+    return {"contacts": contacts, "commands_beyond_limits": beyond}
+
+
 def count_contacts(contacts: Iterable[Iterable[Contact]]) -> dict[str, dict[str, int]]:
     """Count the frames in which the robot is in contact.
 

@@ -8,9 +8,10 @@ import io
 import re
 import zlib
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import zstandard
@@ -20,6 +21,7 @@ from ..core.files.locations import explained, is_remote, put_content
 from ..core.files.reading import read_at_most, require_readable
 from ..core.files.whole_file import whole_file
 from ..errors import RecordError
+from .canonical import PART
 from .shard_file import extents, is_member, read_member
 
 SUFFIXES = (".json", ".json.gz", ".json.zst")
@@ -88,29 +90,56 @@ def safe_texts(texts: Sequence[str]) -> list[str]:
 
 def compress(document: bytes, path: Path) -> bytes:
     """Compress a document as the suffix of `path` requires; equal documents give equal bytes."""
+    return b"".join(compressed([document], len(document), path))
+
+
+def compressed(parts: Iterable[bytes], size: int, path: Path) -> Iterator[bytes]:
+    """Compress a document in parts as the suffix of `path` requires; equal documents give equal bytes.
+
+    Args:
+        parts: of the document.
+        size: of all of them, bytes.
+        path: of the file.
+    """
     suffix = file_suffix(path)
-    if suffix == ".json.gz":
-        return gzip.compress(document, compresslevel=6, mtime=0)
+    if suffix == ".json":
+        yield from parts
+        return
     if suffix == ".json.zst":
-        return zstandard.ZstdCompressor(level=3, write_checksum=True).compress(document)
-    return document
+        stream: Any = zstandard.ZstdCompressor(level=3, write_checksum=True).compressobj(size=size)
+    else:
+        stream = zlib.compressobj(6, wbits=31)  # as gzip, without a time
+    # The parts are cut anew, so that the bytes do not depend on how the document came in parts.
+    waiting = b""
+    for part in parts:
+        waiting += part
+        whole = len(waiting) // PART * PART
+        for start in range(0, whole, PART):
+            yield stream.compress(waiting[start : start + PART])
+        waiting = waiting[whole:]
+    yield stream.compress(waiting) + stream.flush()
 
 
-def write_atomically(path: Path, data: bytes) -> None:
+def write_atomically(path: Path, data: bytes | Iterable[bytes]) -> None:
     """Write a file so that at any moment either the old or the new content exists, even after a power failure.
 
     Missing folders are created.
 
+    Args:
+        path: of the file.
+        data: its content, whole or in parts.
+
     Raises:
         RecordError: the file cannot be written; no partial file remains.
     """
+    parts = [data] if isinstance(data, bytes) else data
     with explained(path, "written"):
         if is_remote(path):
-            put_content(path, data)
+            put_content(path, b"".join(parts))
             return
         path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as temporary:
-            temporary.write_bytes(data)
+        with whole_file(path) as temporary, temporary.open("wb") as file:
+            file.writelines(parts)
 
 
 def episode_key(files: Sequence[Path]) -> Callable[[Path], str]:

@@ -3,24 +3,63 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from operator import attrgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..core.devices import DeviceEvent
 from ..core.entities import Human, Interaction
-from ..core.geometry import Twist
 from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, Y
 from ..core.portable_math import Array, BoolArray, IntArray, arctan2
-from ..core.snapshot import Contact, Snapshot
-from ..core.state import EXECUTED_VX, GUARDED, HUMAN_SIZE, ROBOT_SIZE, State
+from ..core.snapshot import Contact, Frames, Snapshot
+from ..core.state import EXECUTED_VX, GUARDED, HUMAN_SIZE, ROBOT_SIZE
 from .canonical import dumps, require_finite, rounded, rounded_rows
 from .layout import ABSENT, COMMAND_NAMES, HUMAN_ANGLES, HUMAN_NAMES, ROBOT_ANGLES, ROBOT_NAMES, interaction_rows
 
-# Kept parts of a snapshot: state, tick, time, interactions, contacts, device events. All are read-only.
-Observation = tuple[State, int, float, tuple[Interaction, ...], tuple[Contact, ...], tuple[DeviceEvent, ...]]
-Answer = tuple[Twist, Any]  # of a frame: command, and label as a JSON value
+Answer = tuple[Sequence[float], Any]  # of a frame: command vx, vy, omega, and label as a JSON value
+
+
+class Segment(NamedTuple):
+    """Consecutive states that differ in their numbers only, as references to what snapshots hold.
+
+    Attributes:
+        rows: (T, 13 + 9 N), `State.row` of each.
+        tick: of the first.
+        times: (T,), s.
+        activity, is_present: of `State`.
+        interactions, contacts: of `Snapshot`.
+        events: of the first.
+    """
+
+    rows: Array
+    tick: int
+    times: Sequence[float]
+    activity: IntArray
+    is_present: BoolArray | None
+    interactions: tuple[Interaction, ...]
+    contacts: tuple[Contact, ...]
+    events: tuple[DeviceEvent, ...]
+
+    @classmethod
+    def of(cls, frames: Frames) -> Segment:
+        """Of many frames."""
+        (tick, dt), count = (frames.first.tick, frames.first.dt), len(frames.rows)
+        times = [round(n * dt, 4) for n in range(tick, tick + count)]
+        return segment_of(frames.first)._replace(rows=frames.rows, times=times)
+
+    def last(self) -> Segment:
+        """The last state alone."""
+        return self._replace(rows=self.rows[-1:], tick=self.tick + len(self.rows) - 1, times=self.times[-1:])
+
+
+def segment_of(snapshot: Snapshot) -> Segment:
+    """A segment of one state."""
+    row, activity, is_present = snapshot.state
+    return Segment(
+        row.reshape(1, -1), snapshot.tick, (snapshot.time,), activity, is_present, snapshot.interactions,
+        snapshot.contacts, snapshot.events,
+    )  # fmt: skip
+
 
 # Columns of `State.row`, for the robot and for each human.
 _POSITION, _VELOCITY, _OMEGA = slice(0, Y + 1), slice(VX, VY + 1), slice(OMEGA, OMEGA + 1)
@@ -35,84 +74,79 @@ _FRAME = (
 _NULL_ROW = dumps([None] * len(HUMAN_NAMES))
 
 
-observation: Callable[[Snapshot], Observation] = attrgetter(
-    "state", "tick", "time", "interactions", "contacts", "events"
-)
-"""Return the parts of a snapshot that a file holds, as references."""
-
-
-def never_entered(humans: Sequence[Human], present: BoolArray, last_tick: int) -> list[int]:
+def never_entered(humans: Sequence[Human], has_been_present: BoolArray, last_tick: int) -> list[int]:
     """Ids of the pedestrians whose time to enter came, and who found no free space until the end of the episode.
 
     Args:
         humans: of the scene.
-        present: (T + 1, N), whether each one is present at each tick.
+        has_been_present: (N,), in any state.
         last_tick: of the final state.
     """
-    absent = (humans[k] for k in np.flatnonzero(~present.any(axis=0)).tolist())
+    absent = (humans[k] for k in np.flatnonzero(~has_been_present).tolist())
     # recorded ones follow their tracks in any case
     return [human.id for human in absent if human.enters <= last_tick and human.behaviour != "recorded"]
 
 
-def presence(observations: Sequence[Observation], count: int) -> BoolArray:
-    """(T + 1, N), whether each of N humans is present in each observation."""
-    everybody = np.ones(count, dtype=bool)
-    return np.array([everybody if seen[0].is_present is None else seen[0].is_present for seen in observations])
-
-
-def frame_lines(
-    observations: Sequence[Observation], answers: Sequence[Answer], ids: list[int]
-) -> tuple[list[bytes], bytes]:
-    """Serialise the states of an episode, and the answers to them.
+def frame_lines(segments: Sequence[Segment], answers: Sequence[Answer], ids: list[int]) -> tuple[list[bytes], bytes]:
+    """Serialise states, and the answers to them.
 
     Args:
-        observations: T + 1, the final one included.
+        segments: of T + 1 states, the last one of which is that after the last frame.
         answers: T.
         ids: of the N humans of the scene.
 
     Returns:
-        JSON of the T frames, and of the final state.
+        JSON of the T frames, and of the last state.
 
     Raises:
         RecordError: a number is not finite, or JSON cannot represent a value.
     """
-    states, tick, time, interactions, contacts, events = zip(*observations, strict=True)
-    table = np.concatenate([state.row for state in states]).reshape(len(states), -1)
-    activity = np.concatenate([state.activity for state in states]).reshape(len(states), len(ids))
-    present = presence(observations, len(ids))
-    robot, executed, humans = _rounded_columns(table, present, ids)
-    command = np.array([(twist.vx, twist.vy, twist.omega) for twist, _ in answers], dtype=float).reshape(-1, 3)
-    require_finite(command, COMMAND_NAMES, "the command")
-    instant = rounded(np.array(time, dtype=float))
-    require_finite(instant[:, None], ("time",), "the state")
+    lengths = [len(segment.rows) for segment in segments]
+    tick = [segment.tick + n for segment in segments for n in range(len(segment.rows))]
+    table = np.concatenate([segment.rows for segment in segments])
+    absent = None
+    if any(segment.is_present is not None for segment in segments):
+        nobody = np.zeros(len(ids), dtype=bool)
+        each = [nobody if segment.is_present is None else ~segment.is_present for segment in segments]
+        absent = np.repeat(each, lengths, axis=0)
+    robot, executed, humans = _rounded_columns(table, absent, ids, tick[0])
+    command = np.array([command for command, _ in answers], dtype=float).reshape(-1, 3)
+    require_finite(command, COMMAND_NAMES, "the command", tick=tick[0])
+    time = rounded(np.array([time for segment in segments for time in segment.times], dtype=float))
+    require_finite(time[:, None], ("time",), "the state", tick=tick[0])
+    people = _items(humans)
+    events: list[bytes] = []
+    for segment, length in zip(segments, lengths, strict=True):
+        events += [dumps(list(segment.events)) if segment.events else b"[]", *[b"[]"] * (length - 1)]
     columns = {  # of T or T + 1 items, in the file's order of keys
         "tick": _items(np.array(tick, dtype=np.int64)),
-        "time": _items(instant),
+        "time": _items(time),
         "robot": _items(robot),
         "command": _items(rounded(command)),
         "executed": _items(executed[1:]),  # what was executed after a frame is part of the next state
         "guarded": [b"true" if guarded else b"false" for guarded in table[1:, GUARDED].tolist()],
-        "humans": _items(humans) if present.all() else [item.replace(_NULL_ROW, b"null") for item in _items(humans)],
-        "activity": _items(np.where(present, activity, ABSENT)),
-        "interactions": _changing_items(interactions, interaction_rows),
-        "contacts": _changing_items(contacts, list),
-        "events": _changing_items(events, list),
+        "humans": people if absent is None else [item.replace(_NULL_ROW, b"null") for item in people],
+        "activity": _repeated([segment[3:5] for segment in segments], _activity_of_present, lengths),
+        "interactions": _repeated([segment.interactions for segment in segments], interaction_rows, lengths),
+        "contacts": _repeated([segment.contacts for segment in segments], list, lengths),
+        "events": events,
         "label": [b"" if label is None else b',"label":' + dumps(label) for _, label in answers],
     }
-    # the final state belongs to no frame: the shorter columns end before it
+    # the last state belongs to no frame: the shorter columns end before it
     frames = [_FRAME % values for values in zip(*columns.values(), strict=False)]
-    of_final = ("tick", "time", "robot", "humans", "activity", "interactions", "contacts")
-    final_events = b',"events":' + columns["events"][-1] if events[-1] else b""
-    return frames, _STATE % (*(columns[key][-1] for key in of_final), final_events)
+    of_last = ("tick", "time", "robot", "humans", "activity", "interactions", "contacts")
+    last_events = b',"events":' + events[-1] if segments[-1].events else b""
+    return frames, _STATE % (*(columns[key][-1] for key in of_last), last_events)
 
 
-def _rounded_columns(table: Array, present: BoolArray, ids: list[int]) -> tuple[Array, Array, Array]:
+def _rounded_columns(table: Array, absent: BoolArray | None, ids: list[int], tick: int) -> tuple[Array, Array, Array]:
     """Convert rows of states to rows of the file.
 
     Args:
         table: (T, 13 + 9 N), columns as in `State.row`.
-        present: (T, N) of bool.
+        absent: (T, N) of bool; None: nobody.
         ids: of the N humans.
+        tick: of the first row.
 
     Returns:
         Rows of the robot (T, 6), executed twists (T, 3) and rows of the humans (T, N, 7), rounded; NaN where a human is
@@ -125,12 +159,14 @@ def _rounded_columns(table: Array, present: BoolArray, ids: list[int]) -> tuple[
     robot = np.concatenate((robot[:, _POSITION], theta, robot[:, _VELOCITY], robot[:, _OMEGA]), axis=1)
     position, velocity, omega = (humans[..., columns] for columns in (_POSITION, _VELOCITY, _OMEGA))
     humans = np.concatenate((position, body[..., None], velocity, omega, gaze[..., None]), axis=2)
-    humans[~present] = 0.0
-    require_finite(robot, ROBOT_NAMES, "the robot")
-    require_finite(executed, COMMAND_NAMES, "the executed command")
-    require_finite(humans, HUMAN_NAMES, "human", ids)
+    if absent is not None:
+        humans[absent] = 0.0
+    require_finite(robot, ROBOT_NAMES, "the robot", tick=tick)
+    require_finite(executed, COMMAND_NAMES, "the executed command", tick=tick)
+    require_finite(humans, HUMAN_NAMES, "human", ids, tick)
     humans = rounded_rows(humans, HUMAN_ANGLES)
-    humans[~present] = np.nan
+    if absent is not None:
+        humans[absent] = np.nan
     return rounded_rows(robot, ROBOT_ANGLES), rounded(executed), humans
 
 
@@ -145,12 +181,24 @@ def _items(column: Array | IntArray) -> list[bytes]:
     return text.replace(closing + b"," + opening, closing + b"\n" + opening).split(b"\n")
 
 
-def _changing_items(values: Sequence[tuple[Any, ...]], convert: Callable[[Any], list[Any]]) -> list[bytes]:
-    """Serialise each value; a value that equals its predecessor, as most do, is not serialised again."""
+def _activity_of_present(value: tuple[IntArray, BoolArray | None]) -> IntArray:
+    """Activities, `ABSENT` for pedestrians that are not present."""
+    activity, is_present = value
+    return activity if is_present is None else np.where(is_present, activity, ABSENT)
+
+
+def _repeated(values: Sequence[Any], convert: Callable[[Any], Any], lengths: Sequence[int]) -> list[bytes]:
+    """Serialise each value as often as its length; the same object as before, as most are, is not serialised again."""
     items: list[bytes] = []
-    previous, item = (), b"[]"
-    for value in values:
-        if value is not previous and value != previous:
+    previous: Any = None
+    item = b""
+    for value, length in zip(values, lengths, strict=True):
+        if previous is None or not _is_same(value, previous):
             previous, item = value, dumps(convert(value))
-        items.append(item)
+        items += [item] * length
     return items
+
+
+def _is_same(value: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
+    """Whether two tuples are the same object, or have the same objects."""
+    return value is other or (len(value) == len(other) and all(a is b for a, b in zip(value, other, strict=True)))

@@ -261,7 +261,7 @@ class EpisodeRecord(Drawable):
     @property
     def never_entered(self) -> list[int]:
         """Ids of the pedestrians who never appear, because the place where they enter stays occupied to the end."""
-        return never_entered(self.scene().humans, self.states.present, self.outcome.tick)
+        return never_entered(self.scene().humans, np.logical_or.reduce(self.states.present), self.outcome.tick)
 
     def counts(self) -> JsonDict:
         """Return the contacts, and the commands beyond the robot's limits, as a manifest holds them.

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import asdict
+from itertools import chain, repeat
 from pathlib import Path
+from tempfile import SpooledTemporaryFile
 from types import TracebackType
-from typing import Any, Self
+from typing import IO, Any, Self
+from weakref import finalize
 
 import numpy as np
 import orjson
@@ -15,24 +19,29 @@ from ..core.geometry import PRECISION, quantised
 from ..core.labels import LabelSpec
 from ..core.relations import ACTIVITIES
 from ..core.scene import Scene
-from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot, Status
+from ..core.snapshot import ControllerInfo, Frame, Frames, Outcome, Snapshot, Status
 from ..core.wording import counted
 from ..errors import RecordError
 from ..version import FORMAT, FORMAT_VERSION, PHYSICS_VERSION
-from .canonical import rounded, serialise, to_json_value
-from .counts import run_counts
-from .files import compress, file_stem, write_atomically
-from .frames import Answer, Observation, frame_lines, never_entered, observation, presence
+from .canonical import Document, rounded, to_json_value
+from .counts import merged_counts, run_counts
+from .files import compressed, file_stem, write_atomically
+from .frames import Answer, Segment, frame_lines, never_entered, segment_of
 from .layout import JsonDict, columns, software_versions
 from .reader import record_from_document
 from .record import EpisodeRecord
 from .validate import consistent_scene
 
+_SERIALISED_AT_ONCE = 256  # frames
+_SEPARATOR = b",\n"
+_IN_MEMORY = 1 << 24  # bytes of JSON, beyond which frames are kept in a file
+
 
 class EpisodeRecorder:
     """Recorder of one episode in memory; `record()` returns it, and `document()` the content of its file.
 
-    A tick only keeps references; angles, rounding and JSON are computed at the end for the whole episode.
+    A tick only keeps references; angles, rounding and JSON are computed for many ticks at once. The frames of a long
+    episode go to a temporary file.
 
     Args:
         id: of the episode; default: name of the scenario, seed and episode number.
@@ -75,8 +84,13 @@ class EpisodeRecorder:
         self._controller_info = ControllerInfo("")
         self.outcome: Outcome | None = None
         self._last: Snapshot | None = None
-        self._observations: list[Observation] = []
-        self._answers: list[Answer] = []  # one item for each frame
+        # States that are not serialised yet, and the answers to all of them but the final one.
+        self._segments: list[Segment] = []
+        self._answers: list[Answer] = []
+        self._frames: IO[bytes] | None = None  # JSON of the frames before
+        self._count = 0  # of these frames
+        self._counts: JsonDict | None = None
+        self._has_been_present = np.zeros(0, dtype=bool)
 
     def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
         """Begin the episode.
@@ -90,6 +104,7 @@ class EpisodeRecorder:
             )
         self._scene_json = consistent_scene(scene)  # before the run, not after it
         self.scene, self._controller_info = scene, controller_info
+        self._has_been_present = np.zeros(len(scene.humans), dtype=bool)
 
     def on_frame(self, frame: Frame) -> None:
         """Record one tick.
@@ -100,17 +115,34 @@ class EpisodeRecorder:
         snapshot, label = frame.snapshot, frame.label
         if label is not None:
             label = to_json_value(label, f"label at tick {snapshot.tick}")
-        self._add(snapshot)
-        self._answers.append((frame.command, label))
+        self._add(segment_of(snapshot))
+        self._last, command = snapshot, frame.command
+        self._answers.append(((command.vx, command.vy, command.omega), label))
+
+    def on_frames(self, frames: Frames) -> None:
+        """Record many ticks.
+
+        Raises:
+            RecordError: JSON cannot represent a label, or a number of an earlier tick is not finite.
+        """
+        labels, tick = frames.labels or [None] * len(frames.rows), frames.first.tick
+        labels = [
+            None if label is None else to_json_value(label, f"label at tick {tick + n}")
+            for n, label in enumerate(labels)
+        ]
+        self._add(Segment.of(frames))
+        self._last = frames.first
+        self._answers += zip(frames.commands.tolist(), labels, strict=True)
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:
         """End the episode with its final state."""
         self.outcome = outcome
         # the world did not move after a frame of the same tick: its command was not executed, and it is left out
-        if self._last is not None and self._last.tick == last.tick:
-            self._observations.pop()
+        if self._segments and (segment := self._segments[-1]).tick + len(segment.rows) - 1 == last.tick:
+            self._segments[-1:] = [segment._replace(rows=segment.rows[:-1])] if len(segment.rows) > 1 else []
             self._answers.pop()
-        self._add(last)
+        self._add(segment_of(last))
+        self._last = last
 
     def document(self) -> bytes:
         """Return the content of the file: JSON, with each top-level key and each frame on a line of its own.
@@ -118,12 +150,20 @@ class EpisodeRecorder:
         Raises:
             RecordError: the episode has not ended, or contains a value that a file cannot represent.
         """
+        return b"".join(self.complete().parts())
+
+    def complete(self) -> Document:
+        """The content of the file in parts; as `document`, but the frames of a long episode stay in a temporary file.
+
+        Raises:
+            RecordError: as for `document`.
+        """
         scene, outcome = self.scene, self.outcome
         if scene is None or outcome is None:
             raise RecordError("the episode is not complete; run it to its end, or call close()")
-        frames, final = frame_lines(self._observations, self._answers, scene.human_table.id.tolist())
-        header = self._header(scene, outcome)
-        return serialise({**header, "frames": frames, "final": final, "software": software_versions()})
+        frames, final = frame_lines(self._segments, self._answers, scene.human_table.id.tolist())
+        ends = {**self._header(scene, outcome), "frames": [], "final": final, "software": software_versions()}
+        return Document.of(ends, self._frames, frames)
 
     def record(self) -> EpisodeRecord:
         """The recorded episode, as `read_episode` returns it from a file; there is no file at its path.
@@ -135,7 +175,8 @@ class EpisodeRecorder:
         return record_from_document(document, Path(f"{document['id']}.json"))
 
     def __repr__(self) -> str:
-        content = "empty" if self.scene is None else f"{self.scene.family}, {counted(len(self._answers), 'frame')}"
+        frames = counted(self._count + len(self._answers), "frame")
+        content = "empty" if self.scene is None else f"{self.scene.family}, {frames}"
         ended = f", {self.outcome.status}" if self.outcome else ""
         name = type(self).__name__ + (f" {self.id}" if self.id else "")
         return f"<{name}: {content}{ended}>"
@@ -148,17 +189,43 @@ class EpisodeRecorder:
         """
         if self.scene is None:
             raise RecordError("the episode has not begun")
-        commands = np.array([(twist.vx, twist.vy, twist.omega) for twist, _ in self._answers], dtype=float)
-        contacts = (contacts for _, _, _, _, contacts, _ in self._observations)
-        return run_counts(self.scene.robot, contacts, rounded(commands.reshape(-1, 3)))
+        counts = self._pending_counts(self.scene)
+        return merged_counts(self._counts, counts) if self._counts else counts
 
-    def _add(self, snapshot: Snapshot) -> None:
-        self._observations.append(observation(snapshot))
-        self._last = snapshot
+    def _pending_counts(self, scene: Scene) -> JsonDict:
+        """Counts of the states and answers that are not serialised yet."""
+        commands = np.array([command for command, _ in self._answers], dtype=float)
+        segments = (segment for segment in self._segments if segment.contacts)
+        contacts = chain.from_iterable(repeat(segment.contacts, len(segment.rows)) for segment in segments)
+        return run_counts(scene.robot, contacts, rounded(commands.reshape(-1, 3)))
+
+    def _add(self, segment: Segment) -> None:
+        if len(self._answers) >= _SERIALISED_AT_ONCE:
+            self._serialise(segment)
+        if segment.is_present is None:
+            self._has_been_present[:] = True
+        else:
+            self._has_been_present |= segment.is_present
+        self._segments.append(segment)
+
+    def _serialise(self, following: Segment) -> None:
+        """Serialise the frames so far; the first state of the following segment says what the last one executed."""
+        assert self.scene is not None
+        segments = [*self._segments, following._replace(rows=following.rows[:1], times=following.times[:1])]
+        lines, _ = frame_lines(segments, self._answers, self.scene.human_table.id.tolist())
+        frames = [_SEPARATOR + line for line in lines]
+        self._counts, self._count = self.counts(), self._count + len(frames)
+        self._segments, self._answers = [], []
+        if self._frames is None:
+            self._frames = SpooledTemporaryFile(_IN_MEMORY)  # noqa: SIM115  # it lives as long as the recorder
+            finalize(self, self._frames.close)
+            frames[0] = frames[0].removeprefix(_SEPARATOR)
+        self._frames.seek(0, os.SEEK_END)
+        self._frames.write(b"".join(frames))
 
     def _header(self, scene: Scene, outcome: Outcome) -> JsonDict:
         """Return the keys before the frames, in the file's order."""
-        missing = never_entered(scene.humans, presence(self._observations, len(scene.humans)), outcome.tick)
+        missing = never_entered(scene.humans, self._has_been_present, outcome.tick)
         controller_info, branched, spec = self._controller_info, self._branched_from, self._label_spec
         # the label that the driver was asked for, and the label of the whole run
         label_keys = {"label_spec": to_json_value(asdict(spec), "label")} if spec.kind != "command" else {}
@@ -237,7 +304,8 @@ class JsonRecorder(EpisodeRecorder):
             RecordError: the file cannot be written.
         """
         super().close(last, outcome)
-        write_atomically(self.path, compress(self.document(), self.path))
+        document = self.complete()
+        write_atomically(self.path, compressed(document.parts(), document.size, self.path))
 
     def __enter__(self) -> Self:
         return self

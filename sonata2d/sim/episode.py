@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, SupportsIndex
 
 from ..agents.controllers.base import Controller, External, Regenerate, Stop, recorded_path, require_controller
+from ..agents.controllers.compiled import KernelController
 from ..agents.pedestrians.crowd import Crowd
 from ..core.devices import DeviceEvent, ImageRequest
 from ..core.drawable import Drawable
@@ -21,6 +22,8 @@ from ..core.wording import counted, described, shown, text_of
 from ..errors import ControllerError, Sonata2dError
 from ..registry import did_you_mean
 from ..view.drawing import Drawing, drawing_of
+from .inputs import Inputs, TickInput
+from .member import CompiledRun
 from .world import World
 
 Renderer = Callable[[Snapshot, ImageRequest], Any]  # returns (H, W, 3) of uint8
@@ -37,21 +40,6 @@ def renderer_for(controller: Controller) -> Renderer | None:
     from ..view.painter import image_of
 
     return image_of
-
-
-@dataclass(frozen=True, slots=True)
-class TickInput:
-    """External input of one tick. The inputs of all ticks, together with the scene, determine an episode.
-
-    Attributes:
-        command: of the robot, body frame.
-        label: of the controller.
-        events: of input devices.
-    """
-
-    command: Twist
-    label: Any = None
-    events: tuple[DeviceEvent, ...] = ()
 
 
 class Episode(Drawable):
@@ -97,9 +85,9 @@ class Episode(Drawable):
         if hasattr(observers, "on_frame"):
             raise TypeError(f"observers are several; write observers=[{type(observers).__name__}(...)]")
         self.scene, self.controller, self.observers = scene, controller, tuple(observers)
-        self.past: list[TickInput] = []
+        self.past = Inputs()
         self.outcome: Outcome | None = None
-        self._script, self._controller_info = tuple(past), controller_info or controller_info_of(controller)
+        self._script, self._controller_info = Inputs(past), controller_info or controller_info_of(controller)
         self._renderer = renderer
         self._crowd, self._world = Crowd(scene), World(scene)
         self._observed: Snapshot | None = None  # of the present tick
@@ -140,10 +128,45 @@ class Episode(Drawable):
             ControllerError: the controller's answer is not a finite twist. Exceptions of the controller itself pass
                 through, with tick, episode and seed added as a note.
         """
-        while self.step() is not None:
-            pass
-        assert self.outcome is not None
+        self.replay_past()
+        run = self._compiled_run()
+        while self.outcome is None:
+            if run is None or not self._run_frames(run):
+                self.step()
         return self.outcome
+
+    def _compiled_run(self) -> CompiledRun | None:
+        """The episode under its controller without the interpreter; None if the controller or an observer needs it."""
+        controller = self.controller
+        parts = controller.compiled if isinstance(controller, KernelController) and self._may_skip else None
+        return CompiledRun(self._world, self._crowd, *parts) if parts else None
+
+    @property
+    def _may_skip(self) -> bool:
+        """Whether people and observers do without the interpreter in some ticks."""
+        return self._crowd.is_compiled and all(hasattr(observer, "on_frames") for observer in self.observers)
+
+    def _run_frames(self, run: CompiledRun, limit: int | None = None) -> bool:
+        """Run some ticks at once; False if there were none, and `step` is needed."""
+        snapshot = self._observe_unless_over(())
+        if snapshot is None:
+            return True
+        frames = run.frames(snapshot, limit)
+        if not len(frames.rows):
+            return False
+        if len(self.past) < len(self._script):
+            labels = self._script.labels(len(self.past), len(self.past) + len(frames.rows))
+            frames = frames._replace(labels=labels)
+        self._observed = None
+        self.past.extend(frames.commands, frames.labels)
+        try:
+            for observer in self.observers:
+                observer.on_frames(frames)  # type: ignore[attr-defined]
+        except BaseException as error:
+            interruption.reraise(error)
+            self._close_after(error, self.snapshot())
+            raise
+        return True
 
     def step(self, events: Sequence[DeviceEvent] = ()) -> Frame | None:
         """Run one tick: `observe`, ask the controller, `apply` its command.
@@ -246,8 +269,12 @@ class Episode(Drawable):
         Returns:
             This episode.
         """
-        while len(self.past) < len(self._script) and self.step() is not None:
-            pass
+        script, run = self._script, None
+        if len(self.past) < len(script) and not script.has_events and self._may_skip:
+            run = CompiledRun.of_commands(self._world, self._crowd, script.commands)
+        while len(self.past) < len(script) and not self.is_over:
+            if run is None or not self._run_frames(run, len(script) - len(self.past)):
+                self.step()
         return self
 
     def end(self, status: Status, reason: str, events: Sequence[DeviceEvent] = ()) -> Outcome:

@@ -142,11 +142,12 @@ def test_prediction_agrees_with_the_motion_of_the_world() -> None:
     planner.reset(scene)
     planner.act(start)
     commands = Episode(scene, SocialPlanner())._crowd.act(start)
-    for twist, (v, t) in list(zip(planner._twists, planner._pairs, strict=False))[::13]:
-        world = World(scene)
+    memory = planner._memory.value
+    for v, t in memory.pairs[:-1:13].tolist():
+        world, twist = World(scene), Twist(*memory.velocities[v].tolist(), float(memory.turns[t]))
         for _ in range(int(steps * STEP / 0.1 + 0.5)):
             world.step(twist, commands, is_limited=True)
-        assert world.snapshot().robot.position == pytest.approx(planner._positions[:, steps, t, v], abs=0.05)
+        assert world.snapshot().robot.position == pytest.approx(memory.positions[:, steps, t, v], abs=0.05)
 
 
 def commands_in(scene: Scene, controller: Controller, ticks: int) -> list[Twist]:
@@ -163,7 +164,7 @@ def test_candidates_that_are_ruled_out_early_are_never_the_cheapest(weights: Wei
 
         def reset(self, scene: Scene) -> None:
             super().reset(scene)
-            self._numbers[HAS_NEGATIVE_WEIGHTS] = 1.0
+            self._memory.value.numbers[HAS_NEGATIVE_WEIGHTS] = 1.0
 
     scene = crowded_scene()
     assert commands_in(scene, SocialPlanner(weights), 80) == commands_in(scene, Exhaustive(weights), 80)

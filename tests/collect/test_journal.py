@@ -9,7 +9,7 @@ import pytest
 from sonata2d.collect.journal import Journal, read_journal
 from sonata2d.errors import RecordError
 from sonata2d.record.recorder import EpisodeRecorder
-from sonata2d.sim.episode import TickInput
+from sonata2d.sim.inputs import TickInput
 
 from ..record.samples import run
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, astuple, dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from ...core.at_goal import goal_row, is_at_goal
 from ...core.barrier_grid import Solids, find_within, packed_solids
 from ...core.compiled.kernel import kernel, subroutine
-from ...core.compiled.packing import unpack
+from ...core.compiled.packing import Floats, Floats2, Floats3, Floats4, Ints2, unpack
 from ...core.compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, clipped, gap, rotation, to_shoulder_line
 from ...core.entities import Robot
 from ...core.floats import FloatFields
@@ -20,8 +21,8 @@ from ...core.portable_math import Array, BoolArray, IntArray
 from ...core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
 from ...core.relations import RELATION
 from ...core.scene import Scene
-from ...core.snapshot import Snapshot
-from .base import Controller
+from ...core.state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, HUMAN_SIZE
+from .compiled import KernelController
 
 CELL = 0.1  # m
 _BLOCKED = 40.0  # price per metre where the robot does not fit; 1 is open ground
@@ -261,7 +262,50 @@ _MIDDLE_X, _MIDDLE_Y, _FINAL_X, _FINAL_Y = range(4)
 _FORWARD, _LEFT, _SPEED = range(3)
 
 
-class SocialPlanner(Controller):
+class _Memory(NamedTuple):
+    """Memory of `SocialPlanner`.
+
+    Attributes:
+        numbers, layers, pairs, velocities, turns, positions, progress: see `_cheapest`.
+        solids: walls and furniture.
+        goal: (5,), see `core.at_goal`.
+        last: (3,), the last command.
+        outline: (2, N), radius and half the length of the shoulder line of each human of the scene, m.
+        present, present_outline: (N, 9) and (2, N), of the humans that are present; scratch.
+    """
+
+    numbers: Floats
+    layers: Floats3
+    solids: Solids
+    goal: Floats
+    pairs: Ints2
+    velocities: Floats2
+    turns: Floats
+    positions: Floats4
+    progress: Floats
+    last: Floats
+    outline: Floats2
+    present: Floats2
+    present_outline: Floats2
+
+
+@kernel
+def _plan(packed_memory: Any, tick: int, robot: Array, humans: Array, is_present: BoolArray, command: Array) -> None:
+    """The kernel of `SocialPlanner`; see `KernelController`."""
+    memory = unpack(packed_memory, _Memory)
+    last = memory.last
+    if is_at_goal(memory.goal, robot):  # in an episode that goes on nevertheless
+        last[0], last[1], last[2] = 0.0, 0.0, 0.0
+    else:
+        best = _best(memory, tick, robot, humans, is_present)
+        if best < len(memory.pairs) - 1:
+            v, t = memory.pairs[best, 0], memory.pairs[best, 1]
+            last[0], last[1], last[2] = memory.velocities[v, X], memory.velocities[v, Y], memory.turns[t]
+    for axis in range(3):
+        command[axis] = last[axis]
+
+
+class SocialPlanner(KernelController):
     """Drives to the goal with regard for people's comfort.
 
     In each tick, some hundred twists are rolled out under the drive's limits and priced against the room and against
@@ -279,6 +323,7 @@ class SocialPlanner(Controller):
     """
 
     version = "1"
+    kernel = _plan
     obstacle_price: ClassVar[float] = 0.0
     obstacle_distance: ClassVar[float] = 1.0
 
@@ -288,50 +333,60 @@ class SocialPlanner(Controller):
     def settings(self) -> dict[str, float]:
         return asdict(self._weights)
 
-    def reset(self, scene: Scene) -> None:
-        field, robot, goal, weights = CostField(scene), scene.robot, scene.goal, astuple(self._weights)
-        self._layers, self._solids = field.layers, packed_solids(scene.barriers)
+    def memory(self, scene: Scene) -> _Memory:
+        field, robot, weights = CostField(scene), scene.robot, astuple(self._weights)
+        goal, limits, table = scene.goal, robot.limits, scene.human_table
         has_negative_weights = min(*weights[_INTIMATE:], self.obstacle_price) < 0.0
-        limits, is_holonomic = robot.limits, robot.kinematics == "holonomic"
         numbers = (
             *weights, self.obstacle_price * STEP, self.obstacle_distance, has_negative_weights,
             *field.low, goal.x, goal.y, goal.distance, scene.rules.dt,
-            robot.radius, is_holonomic, limits.ahead, limits.acceleration, limits.turn_acceleration,
+            robot.radius, robot.kinematics == "holonomic", limits.ahead, limits.acceleration, limits.turn_acceleration,
         )  # fmt: skip
-        self._numbers = np.array(numbers, dtype=float)
         velocities, turns = _candidate_velocities(robot), [robot.limits.turn * fraction for fraction in _TURNS]
-        self._twists = [Twist(vx, vy, turn) for vx, vy in velocities for turn in turns]
         pairs = [(v, t) for v in range(len(velocities)) for t in range(len(turns))]
         # The last row of each array is for the last command.
-        self._pairs = np.array([*pairs, (len(velocities), len(turns))])
-        self._velocities, self._turns = np.array([*velocities, (0.0, 0.0)]), np.array([*turns, 0.0])
-        self._positions = np.empty((2, STEPS + 1, len(self._turns), len(self._velocities)))
-        self._progress = np.array([math.inf, 0.0])
-        self._last = Twist()
-
-    def act(self, snapshot: Snapshot) -> Twist:
-        robot, humans, last = snapshot.robot, snapshot.humans, self._last
-        if snapshot.goal.is_reached(robot.pose):  # in an episode that goes on nevertheless
-            self._last = Twist()
-            return self._last
-        now = robot.executed
-        best = _cheapest(
-            self._numbers, self._layers, self._solids.argument, self._pairs, self._velocities, self._turns,
-            self._positions, self._progress, humans.state, humans.radius, humans.shoulder, snapshot.tick,
-            robot.position, robot.direction,
-            float(now.vx), float(now.vy), float(now.omega), float(last.vx), float(last.vy), float(last.omega),
-        )  # fmt: skip
-        if best < len(self._twists):
-            self._last = self._twists[best]
-        return self._last
+        return _Memory(
+            numbers=np.array(numbers, dtype=float),
+            layers=field.layers,
+            solids=packed_solids(scene.barriers).value,
+            goal=goal_row(goal),
+            pairs=np.array([*pairs, (len(velocities), len(turns))]),
+            velocities=np.array([*velocities, (0.0, 0.0)]),
+            turns=np.array([*turns, 0.0]),
+            positions=np.empty((2, STEPS + 1, len(turns) + 1, len(velocities) + 1)),
+            progress=np.array([math.inf, 0.0]),
+            last=np.zeros(3),
+            outline=np.stack((table.radius, table.shoulder)),
+            present=np.empty((len(table.id), HUMAN_SIZE)),
+            present_outline=np.empty((2, len(table.id))),
+        )
 
     def command_overridden(self, twist: Twist) -> None:
-        self._last = twist
+        self._memory.value.last[:] = twist.vx, twist.vy, twist.omega
 
 
-@kernel
+@subroutine
+def _best(memory: _Memory, tick: int, robot: Array, humans: Array, is_present: BoolArray) -> int:
+    """`_cheapest`, with the humans that are present."""
+    last, count = memory.last, 0
+    for k in range(len(humans)):
+        if is_present[k]:
+            for column in range(HUMAN_SIZE):
+                memory.present[count, column] = humans[k, column]
+            for row in range(2):
+                memory.present_outline[row, count] = memory.outline[row, k]
+            count += 1
+    return _cheapest(
+        memory.numbers, memory.layers, memory.solids, memory.pairs, memory.velocities, memory.turns, memory.positions,
+        memory.progress, memory.present[:count], memory.present_outline[0, :count], memory.present_outline[1, :count],
+        tick, (robot[X], robot[Y]), (robot[BODY_X], robot[BODY_Y]),
+        robot[EXECUTED_VX], robot[EXECUTED_VY], robot[EXECUTED_OMEGA], last[0], last[1], last[2],
+    )  # fmt: skip
+
+
+@subroutine
 def _cheapest(
-    numbers: Array, layers: Array, packed: Any, pairs: IntArray, velocities: Array, turns: Array, positions: Array,
+    numbers: Array, layers: Array, solids: Solids, pairs: IntArray, velocities: Array, turns: Array, positions: Array,
     progress: Array, state: Array, radius: Array, shoulder: Array, tick: int, position: Point, direction: Point,
     now_vx: float, now_vy: float, now_omega: float, last_vx: float, last_vy: float, last_omega: float,
 ) -> int:  # fmt: skip
@@ -340,7 +395,7 @@ def _cheapest(
     Args:
         numbers: (22,), weights, robot and task; columns `_AHEAD` to `_TURN_ACCELERATION`.
         layers: (3, NX, NY), of the cost field.
-        packed: `Solids`, walls and furniture.
+        solids: walls and furniture.
         pairs: (K, 2), indices of the velocity and of the turn rate of each candidate; the last one is the last command.
         velocities: (V, 2), m/s, body frame; the last one is overwritten with the last command's.
         turns: (T,), rad/s; the last one is overwritten with the last command's.
@@ -361,7 +416,6 @@ def _cheapest(
     motions, speed = _motions(numbers, velocities, now_vx, now_vy)
     _roll_out(positions, headings, motions, position)
     reach = numbers[_MAX_SPEED] * _HORIZON + numbers[_ROBOT_RADIUS] + 0.1  # m, within the horizon
-    solids = unpack(packed, Solids)
     near = np.empty(len(solids.table), dtype=np.int64)
     near = near[: find_within(solids, position[0], position[1], reach, near)]
     people = _nearby_people(numbers, state, radius, shoulder, position, speed)

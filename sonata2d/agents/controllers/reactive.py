@@ -4,28 +4,59 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from ...core.arguments import finite_number
+from ...core.at_goal import goal_row
 from ...core.barrier_grid import barriers_within
-from ...core.compiled.packing import zeros
+from ...core.compiled import scalar
+from ...core.compiled.kernel import kernel
+from ...core.compiled.packing import Floats, unpack, zeros
 from ...core.geometry import Point, Twist
+from ...core.humans import BODY_X, BODY_Y, X, Y
 from ...core.navigation import FreeSpace
-from ...core.portable_math import angle_of, unit_vector
+from ...core.portable_math import Array, BoolArray, angle_of
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...registry import PEDESTRIAN_MODELS
 from ..pedestrians.models.base import Walkers, checked_acceleration, evaluations_per_tick, pedestrian_model
 from ..pedestrians.neighbours import FADING_DISTANCE, INTERACTION_RANGE, WALL_RANGE
 from .base import Controller
+from .compiled import KernelController
 
 _REPLANNING_INTERVAL = 5  # ticks
 _FAR = 1e4  # m, coordinates of humans that are absent
 
 
-class StraightToGoal(Controller):
+class _Straight(NamedTuple):
+    """Memory of `StraightToGoal`.
+
+    Attributes:
+        goal: (5,), see `core.at_goal`.
+        speed, gain: of the controller.
+    """
+
+    goal: Floats
+    speed: float
+    gain: float
+
+
+@kernel
+def _drive_straight(
+    packed_memory: Any, tick: int, robot: Array, humans: Array, is_present: BoolArray, command: Array
+) -> None:
+    """The kernel of `StraightToGoal`; see `KernelController`."""
+    memory = unpack(packed_memory, _Straight)
+    dx, dy = memory.goal[X] - robot[X], memory.goal[Y] - robot[Y]
+    c, s = scalar.unit_vector(scalar.angle_of(robot[BODY_Y], robot[BODY_X]))  # rounds like `Pose.to_local`
+    angle = scalar.angle_of(dy * c - dx * s, dx * c + dy * s)
+    facing = max(1.0 - abs(angle), 0.0)  # slow down while turning towards the goal
+    command[0], command[1], command[2] = memory.speed * facing, 0.0, memory.gain * angle
+
+
+class StraightToGoal(KernelController):
     """Turns towards the goal and drives straight there; ignores pedestrians and obstacles.
 
     Args:
@@ -34,17 +65,13 @@ class StraightToGoal(Controller):
     """
 
     version = "1"
+    kernel = _drive_straight
 
     def __init__(self, speed: float = 0.8, gain: float = 2.0) -> None:
         self.speed, self.gain = finite_number("speed", speed), finite_number("gain", gain)
 
-    def act(self, snapshot: Snapshot) -> Twist:
-        robot, goal = snapshot.robot, snapshot.goal
-        dx, dy = goal.x - robot.position[0], goal.y - robot.position[1]
-        c, s = unit_vector(angle_of(robot.direction[1], robot.direction[0]))  # rounds like `Pose.to_local`
-        angle = angle_of(dy * c - dx * s, dx * c + dy * s)
-        facing = max(1.0 - abs(angle), 0.0)  # slow down while turning towards the goal
-        return Twist(vx=self.speed * facing, omega=self.gain * angle)
+    def memory(self, scene: Scene) -> _Straight:
+        return _Straight(goal_row(scene.goal), float(self.speed), float(self.gain))
 
 
 class SocialForce(Controller):

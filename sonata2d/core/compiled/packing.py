@@ -27,6 +27,7 @@ T = TypeVar("T", bound=tuple[Any, ...])
 Floats = Annotated[NDArray[np.float64], np.float64, 1]
 Floats2 = Annotated[NDArray[np.float64], np.float64, 2]
 Floats3 = Annotated[NDArray[np.float64], np.float64, 3]
+Floats4 = Annotated[NDArray[np.float64], np.float64, 4]
 Ints = Annotated[NDArray[np.int64], np.int64, 1]
 Ints2 = Annotated[NDArray[np.int64], np.int64, 2]
 ShortInts2 = Annotated[NDArray[np.int32], np.int32, 2]

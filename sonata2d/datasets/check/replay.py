@@ -24,7 +24,8 @@ from ...record.recorder import EpisodeRecorder
 from ...registry import CONTROLLERS
 from ...scenegen.generator import generate
 from ...scenegen.scenario.config import ScenarioConfig
-from ...sim.episode import Episode, TickInput, controller_info_of, renderer_for
+from ...sim.episode import Episode, controller_info_of, renderer_for
+from ...sim.inputs import TickInput
 from ...version import PHYSICS_VERSION
 from ..transforms.mirror import mirrored
 from .episodes import Problem

@@ -15,12 +15,11 @@ from ...agents.controllers.base import Controller
 from ...agents.controllers.loading import ControllerSource
 from ...core.files import interruption
 from ...core.scene import Scene
-from ...core.snapshot import ControllerInfo, Frame, Outcome, Snapshot
+from ...core.snapshot import ControllerInfo, Frame, Frames, Outcome, Snapshot
 from ...core.wording import described, one_line, text_of
 from ...errors import ControllerError, RecordError, SceneError, Sonata2dError
-from ...record.canonical import parse_header
 from ...record.claims import StoreClaim
-from ...record.files import compress, write_atomically
+from ...record.files import compressed, write_atomically
 from ...record.layout import JsonDict
 from ...record.recorder import EpisodeRecorder
 from ...scenegen.generator import generate
@@ -129,15 +128,18 @@ class _ForkGuard:
     def on_frame(self, frame: Frame) -> None:
         end_if_forked(self._process)
 
+    def on_frames(self, frames: Frames) -> None:
+        end_if_forked(self._process)
+
     def close(self, last: Snapshot, outcome: Outcome) -> None:
         end_if_forked(self._process)
 
 
 def packed_episode(spec: DatasetSpec, episode: int, recorder: EpisodeRecorder) -> tuple[JsonDict, bytes]:
     """The manifest row and the stored bytes of a recorded episode."""
-    document, name = recorder.document(), spec.file_name(episode)
-    data = compress(document, Path(name))
-    return file_row(name, data, parse_header(document), recorder.counts()), data
+    document, name = recorder.complete(), spec.file_name(episode)
+    data = b"".join(compressed(document.parts(), document.size, Path(name)))
+    return file_row(name, data, document.header(), recorder.counts()), data
 
 
 def _failed(job: Job, recorder: EpisodeRecorder, episode: int, error: BaseException) -> FailedEpisode:

@@ -6,16 +6,19 @@ import math
 from typing import Any, NamedTuple
 
 from ...agents.pedestrians.crowd_state import CrowdState
+from ...core.at_goal import is_at_goal
+from ...core.bounds import MAX_MAGNITUDE
 from ...core.compiled.calls import call, call_for_int
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Bools, Floats, Ints, packed_at, unpack
-from ...core.compiled.scalar import angle_of, length, to_shoulder_line, wrap_angle
-from ...core.entities import ANY_HEADING
+from ...core.compiled.scalar import length, quantised, to_shoulder_line
 from ...core.humans import ACTIVITY_ALONE, BODY_X, BODY_Y, X, Y
 from ...core.portable_math import Array, BoolArray, IntArray
 from .rules import ROBOT_RADIUS
 from .step import Buffers
 from .tick import DONE, SEATS
+
+NO_COMMAND, OVER = 3, 4  # what `run_member` returns, besides what a tick needs
 
 RUNNING, GOAL, CONTACT, TIMEOUT = range(4)  # outcomes
 # Columns of `Member.measured`: gaps and distances in m; contacts of the last tick are 0 or 1.
@@ -35,7 +38,7 @@ class Member(NamedTuple):
         activity: (N,) of int, scratch.
         is_present: (N,) of bool, scratch.
         is_wall: (M,) of bool, for each barrier whether it belongs to a wall and not to an object.
-        goal: (5,), x, y, heading, distance and angle at which it is reached; m and rad.
+        goal: (5,), see `core.at_goal`.
         ends_on: (2,) of bool, whether goal and contacts end an episode.
         clock: (2,) of int, ticks so far, and the last one.
         outcome: (1,) of int.
@@ -97,6 +100,53 @@ def step_members(
             needs[w] = _step(member, commands[w, 0], commands[w, 1], commands[w, 2], needs[w])
             waiting += needs[w] != DONE
     return waiting
+
+
+@kernel
+def run_member(
+    packed_member: Any, act: IntArray, memory: Any, rows: Array, commands: Array, count: IntArray, need: int
+) -> int:
+    """Move a world under a compiled controller until the interpreter is needed, and record its ticks.
+
+    Args:
+        packed_member: packed `Member`.
+        act: address of a `KernelController.kernel`.
+        memory: of the controller, packed.
+        rows: (T, 13 + 9 N), `State.row` of each tick; is filled.
+        commands: (T, 3), is filled.
+        count: (2,), number of ticks in `rows`, which is updated, and `Company.version` in their first one.
+        need: `DONE`, or what the last call returned.
+
+    Returns:
+        What the world needs to go on, see `run_tick`. `DONE`: the rows are full, or activities, interactions, contacts
+        or people present may have changed. `NO_COMMAND`: the controller's command has to be asked for again, since a
+        file cannot hold it. `OVER`: the episode is over.
+    """
+    member = unpack(packed_member, Member)
+    world, crowd = unpack(member.world, Buffers), unpack(member.crowd, CrowdState)
+    had_contact = world.guard.counts[2] != 0
+    while count[0] < len(rows):
+        n = count[0]
+        if need == DONE:
+            for column in range(len(member.row)):
+                rows[n, column] = member.row[column]
+            for k in range(len(member.is_present)):
+                member.is_present[k] = not world.attendance.is_absent[k]
+            call(act, (memory, member.clock[0], world.robot, world.humans, member.is_present, commands[n]))
+            for axis in range(3):
+                if not abs(commands[n, axis]) <= MAX_MAGNITUDE:
+                    return NO_COMMAND
+                commands[n, axis] = quantised(commands[n, axis])
+        need = _step(member, commands[n, 0], commands[n, 1], commands[n, 2], need)
+        if need != DONE:
+            return need
+        count[0] += 1
+        if member.outcome[0] != RUNNING:
+            return OVER
+        has_contact = world.guard.counts[2] != 0
+        if has_contact or had_contact or crowd.company.version[0] != count[1] or world.attendance.is_changed[0]:
+            return DONE
+    return DONE
 
 
 @subroutine
@@ -164,16 +214,11 @@ def _measure(member: Member, world: Buffers) -> None:
 @subroutine
 def _outcome(member: Member, world: Buffers) -> int:
     """As `sim.episode.outcome_at`."""
-    robot, goal, clock = world.robot, member.goal, member.clock
-    if member.ends_on[0] and member.measured[GOAL_DISTANCE] <= goal[3]:
-        turned = 0.0
-        if goal[4] < ANY_HEADING:
-            turned = abs(wrap_angle(angle_of(robot[BODY_Y], robot[BODY_X]) - goal[2]))
-        if turned <= goal[4]:
-            return GOAL
+    if member.ends_on[0] and is_at_goal(member.goal, world.robot):
+        return GOAL
     if member.ends_on[1] and world.guard.counts[2] != 0:
         return CONTACT
-    return TIMEOUT if clock[0] >= clock[1] else RUNNING
+    return TIMEOUT if member.clock[0] >= member.clock[1] else RUNNING
 
 
 @subroutine

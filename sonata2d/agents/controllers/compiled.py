@@ -1,0 +1,64 @@
+"""Controllers whose decisions are kernels, so that whole episodes run without the interpreter."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ...core.compiled.calls import FLAGS, FLOATS, FLOATS2, INT, PACKED, address_of
+from ...core.compiled.packing import Packed
+from ...core.geometry import Twist
+from ...core.portable_math import IntArray
+from ...core.scene import Scene
+from ...core.snapshot import Snapshot
+from ...core.state import HUMAN_SIZE, ROBOT_SIZE
+from .base import Controller
+
+
+class KernelController(Controller):
+    """Base class of controllers that are kernels: `Episode.run` calls them without the interpreter.
+
+    Subclasses set `kernel` and define `memory`. In `Episode.step`, and where a subclass overrides `act` or `label` or
+    requests images, `act` calls the same kernel, with the same bits.
+
+    Attributes:
+        kernel: a function with the decorator `kernel`. Its arguments are the packed memory, the number of the tick, the
+            robot (13,) and the humans of the scene (N, 9), in the columns of `State.row`, whether each human is present
+            (N,), and the command (3,), which it writes: vx, vy (m/s), omega (rad/s), body frame.
+    """
+
+    kernel: Callable[..., None]
+
+    @abstractmethod
+    def memory(self, scene: Scene) -> tuple[Any, ...]:
+        """The knowledge of the kernel, and what it remembers in an episode: a named tuple, see `packing.pack`."""
+
+    def reset(self, scene: Scene) -> None:
+        self._memory: Packed[Any] = Packed(self.memory(scene))
+
+    def act(self, snapshot: Snapshot) -> Twist:
+        state, command = snapshot.state, np.empty(3)
+        row = state.row.copy()  # kernels take writeable arrays
+        is_present = np.ones(len(state.activity), dtype=bool) if state.is_present is None else state.is_present.copy()
+        humans = row[ROBOT_SIZE:].reshape(-1, HUMAN_SIZE)
+        self._kernel(self._memory.argument, snapshot.tick, row[:ROBOT_SIZE], humans, is_present, command)
+        return Twist(*command.tolist())
+
+    @property
+    def _kernel(self) -> Any:
+        return type(self).kernel  # not as a method
+
+    @property
+    def compiled(self) -> tuple[IntArray, Packed[Any]] | None:
+        """The address of the kernel and the memory; None if an overridden method or images need the interpreter."""
+        kind = type(self)
+        is_plain = kind.act is KernelController.act and kind.label is Controller.label and self.image is None
+        return (controller_address(self._kernel), self._memory) if is_plain else None
+
+
+def controller_address(kernel: Any) -> IntArray:
+    """The address of a `KernelController.kernel`."""
+    return address_of(kernel, PACKED, INT, FLOATS, FLOATS2, FLAGS, FLOATS)

@@ -1,0 +1,247 @@
+"""Episodes that run many ticks at once: they equal those that run tick by tick."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+import orjson
+import pytest
+
+import sonata2d as s2
+from sonata2d.agents.controllers.compiled import KernelController
+from sonata2d.core.compiled.kernel import kernel
+from sonata2d.core.compiled.packing import Floats, unpack
+from sonata2d.core.geometry import Twist
+from sonata2d.core.portable_math import Array, BoolArray
+from sonata2d.core.scene import Scene
+from sonata2d.core.snapshot import Frame, Frames, Outcome, Snapshot
+from sonata2d.errors import ControllerError, RecordError
+from sonata2d.record import recorder as recorder_module
+from sonata2d.record.files import compressed
+from sonata2d.record.recorder import EpisodeRecorder
+from sonata2d.scenegen.scenario.load import preset_names
+from sonata2d.sim.inputs import Inputs, TickInput
+
+
+class Counting(EpisodeRecorder):
+    """Counts the calls that bring many frames."""
+
+    calls = 0
+
+    def on_frames(self, frames: Frames) -> None:
+        self.calls += 1
+        super().on_frames(frames)
+
+
+def both_ways(scene: Scene, controllers: tuple[s2.Controller, s2.Controller]) -> tuple[Counting, EpisodeRecorder]:
+    """The recorder of an episode at once, and that of the same episode tick by tick."""
+    at_once, by_tick = Counting(), EpisodeRecorder()
+    episode = s2.Episode(scene, controllers[0], observers=[at_once])
+    outcome = episode.run()
+    other = s2.Episode(scene, controllers[1], observers=[by_tick])
+    while other.step() is not None:
+        pass
+    assert outcome == other.outcome
+    assert episode.past == other.past
+    assert at_once.counts() == by_tick.counts()
+    return at_once, by_tick
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_an_episode_at_once_equals_the_one_tick_by_tick(name: str) -> None:
+    scene = s2.generate(name, seed=5)
+    for kind in (s2.StraightToGoal, s2.SocialPlanner):
+        at_once, by_tick = both_ways(scene, (kind(), kind()))
+        assert at_once.calls > 0
+        assert at_once.document() == by_tick.document()
+
+
+class Hurry(NamedTuple):
+    """Memory of `Faster`; its state is (1,)."""
+
+    speed: float
+    ticks: Floats
+
+
+@kernel
+def drive_faster(
+    packed_memory: Any, tick: int, robot: Array, humans: Array, is_present: BoolArray, command: Array
+) -> None:
+    memory = unpack(packed_memory, Hurry)
+    memory.ticks[0] += 1.0
+    command[0], command[1], command[2] = memory.speed * memory.ticks[0], 0.0, 0.0
+
+
+class Faster(KernelController):
+    """Drives faster in every tick; a controller of a user."""
+
+    kernel = drive_faster
+
+    def __init__(self, speed: float = 0.01) -> None:
+        self.speed = speed
+
+    def memory(self, scene: Scene) -> Hurry:
+        return Hurry(self.speed, np.zeros(1))
+
+
+class Talking(Faster):
+    """Labels its ticks, so that the interpreter is needed."""
+
+    labels: ClassVar = {"tick": "number of the tick"}
+
+    def label(self, snapshot: Snapshot, twist: Twist) -> Any:
+        return {"tick": snapshot.tick}
+
+
+class Halved(Faster):
+    """Answers with half of the command, so that the interpreter is needed."""
+
+    def act(self, snapshot: Snapshot) -> Twist:
+        return Twist(super().act(snapshot).vx / 2)
+
+
+def test_a_kernel_of_a_user_drives_without_the_interpreter() -> None:
+    at_once, by_tick = both_ways(s2.generate("sonata-2020", seed=2), (Faster(), Faster()))
+    assert at_once.calls > 0
+    assert at_once.document() == by_tick.document()
+    frames = orjson.loads(at_once.document())["frames"]
+    assert [frame["command"][0] for frame in frames[:3]] == [0.01, 0.02, 0.03]
+    assert at_once.record().document["controller"]["settings"] == {"speed": 0.01}
+
+
+def test_overridden_methods_are_called() -> None:
+    scene = s2.generate("empty", seed=2)
+    at_once, by_tick = both_ways(scene, (Talking(), Talking()))
+    assert at_once.calls == 0
+    assert [frame["label"] for frame in orjson.loads(by_tick.document())["frames"]][:2] == [{"tick": 0}, {"tick": 1}]
+    at_once, _ = both_ways(scene, (Halved(), Halved()))
+    assert at_once.calls == 0
+    assert orjson.loads(at_once.document())["frames"][1]["command"] == [0.01, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("speed", [float("nan"), float("inf"), 1e300])
+def test_a_command_that_no_file_can_hold_ends_the_episode_at_its_tick(speed: float) -> None:
+    class Failing(Faster):
+        def memory(self, scene: Scene) -> Hurry:
+            return Hurry(speed, np.zeros(1))
+
+    recorder = EpisodeRecorder()
+    episode = s2.Episode(s2.generate("empty", seed=2), Failing(), observers=[recorder])
+    with pytest.raises(ControllerError, match=r"Failing\.act") as failure:
+        episode.run()
+    assert failure.value.__notes__ == ["at tick 0 of episode 0, seed 2"]
+    assert recorder.outcome is not None
+    assert recorder.outcome.status == "error"
+
+
+def test_an_observer_of_single_frames_gets_all_of_them() -> None:
+    class Log:
+        def __init__(self) -> None:
+            self.ticks: list[int] = []
+
+        def open(self, scene: Scene, controller_info: Any) -> None: ...
+        def close(self, last: Snapshot, outcome: Any) -> None: ...
+        def on_frame(self, frame: Any) -> None:
+            self.ticks.append(frame.snapshot.tick)
+
+    log, recorder = Log(), Counting()
+    episode = s2.Episode(s2.generate("empty", seed=1), s2.StraightToGoal(), observers=[log, recorder])
+    assert log.ticks == [*range(episode.run().tick)]
+    assert recorder.calls == 0
+
+
+def test_an_episode_can_go_on_at_once_after_single_ticks() -> None:
+    scene, recorder = s2.generate("lively", seed=3), EpisodeRecorder()
+    episode = s2.Episode(scene, s2.SocialPlanner(), observers=[recorder])
+    for _ in range(7):
+        episode.step()
+    episode.observe()
+    episode.run()
+    _, by_tick = both_ways(scene, (s2.SocialPlanner(), s2.SocialPlanner()))
+    assert recorder.document() == by_tick.document()
+
+
+def test_a_replay_at_once_keeps_labels_and_stops_where_the_past_ends() -> None:
+    scene, first = s2.generate("lively", seed=3), EpisodeRecorder()
+    episode = s2.Episode(scene, Talking(), observers=[first])
+    episode.run()
+    again = Counting()
+    s2.Episode(scene, Talking(), observers=[again], past=episode.past).run()
+    assert again.calls > 0
+    assert again.document() == first.document()
+    branch = episode.branch(10, s2.StraightToGoal())
+    assert len(branch.past) == 10
+    assert branch.past == episode.past[:10]
+    assert branch.snapshot().tick == 10
+
+
+def test_a_long_episode_has_the_bytes_of_one_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = s2.generate("crossing-flows", seed=1)
+    at_once, by_tick = both_ways(scene, (s2.SocialPlanner(), s2.SocialPlanner()))
+    whole, counts = at_once.document(), at_once.counts()
+    assert whole == by_tick.document()
+    monkeypatch.setattr(recorder_module, "_SERIALISED_AT_ONCE", 7)
+    monkeypatch.setattr(recorder_module, "_IN_MEMORY", 2000)
+    for recorder in both_ways(scene, (s2.SocialPlanner(), s2.SocialPlanner())):
+        document = recorder.complete()
+        assert document.frames is not None
+        assert document.size == len(whole)
+        assert b"".join(document.parts()) == recorder.document() == whole
+        assert recorder.counts() == counts
+        assert len(recorder.record()) == len(by_tick.record())
+
+
+def test_an_episode_that_stops_where_frames_were_put_away_has_them_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The frame of the last tick, whose command was not executed, is left out."""
+
+    def recorded(ticks: int) -> bytes:
+        recorder = EpisodeRecorder()
+        episode = s2.Episode(s2.generate("lively", seed=1), s2.StraightToGoal(), observers=[recorder])
+        for _ in range(ticks):
+            episode.step()
+        snapshot = episode.snapshot()
+        recorder.on_frame(Frame(snapshot, Twist()))
+        recorder.close(snapshot, Outcome("stopped", "by hand", snapshot.tick, snapshot.time))
+        return recorder.document()
+
+    whole = [recorded(ticks) for ticks in range(5, 12)]
+    monkeypatch.setattr(recorder_module, "_SERIALISED_AT_ONCE", 4)
+    assert [recorded(ticks) for ticks in range(5, 12)] == whole
+
+
+def test_a_number_that_is_not_finite_is_named_with_its_tick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recorder_module, "_SERIALISED_AT_ONCE", 4)
+    scene, recorder = s2.generate("lively", seed=1), EpisodeRecorder()
+    episode = s2.Episode(scene, observers=[recorder])
+    for _ in range(6):
+        episode.apply(Twist())
+    episode._world.row[0] = np.nan
+    for _ in range(2):
+        episode.apply(Twist())  # up to the frame at which the first ones are put away
+    with pytest.raises(RecordError, match="x of the robot is nan at tick 6"):
+        episode.apply(Twist())
+
+
+@pytest.mark.parametrize("suffix", [".json", ".json.gz", ".json.zst"])
+def test_compressed_bytes_do_not_depend_on_the_parts(suffix: str, tmp_path: Any) -> None:
+    document = np.random.default_rng(1).integers(0, 30, 3_000_000, dtype=np.uint8).tobytes()
+    parts = [document[:10], document[10:1_500_000], document[1_500_000:]]
+    path = tmp_path / f"a{suffix}"
+    at_once = b"".join(compressed([document], len(document), path))
+    assert b"".join(compressed(parts, len(document), path)) == at_once
+
+
+def test_inputs_are_a_sequence() -> None:
+    inputs = [TickInput(Twist(0.1 * n, 0.0, -0.5), {"n": n} if n % 3 == 0 else None) for n in range(8)]
+    past = Inputs(inputs)
+    assert [*past] == inputs
+    assert past == inputs
+    assert past[2:7:2] == inputs[2:7:2]
+    assert past[-1] == inputs[-1]
+    assert past != inputs[:-1]
+    with pytest.raises(IndexError):
+        past[8]
+    longer = Inputs(past)
+    longer.extend(np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]), [None, "b"])
+    assert [*longer][8:] == [TickInput(Twist(1.0, 2.0, 3.0)), TickInput(Twist(4.0, 5.0, 6.0), "b")]
