@@ -382,7 +382,7 @@ def settings_with_floats() -> Iterator[type]:
 
 def own_methods(public: type) -> Iterator[tuple[str, Any]]:
     for name in vars(public):
-        inherited = hasattr(KernelController, name)  # sonata2d calls it
+        inherited = hasattr(KernelController, name) or name == "kernel"  # sonata2d calls it
         if not name.startswith("_") and not inherited and callable(method := getattr(public, name)):
             yield name, method
 
