@@ -62,9 +62,8 @@ def test_every_example_runs_in_the_order_of_the_page(
         if file:
             (tmp_path / file).write_text(text)
         elif language == "python":
-            exec(
-                compile(text, page, "exec", dont_inherit=True), {"__name__": "example"}
-            )  # each block is complete by itself
+            code = compile(text, page, "exec", dont_inherit=True)
+            exec(code, {"__name__": "example"})  # each block is complete by itself
         elif language == "sh":
             for line in text.splitlines():
                 run(line)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -165,6 +166,13 @@ class Scene(FloatFields, Drawable):
             "goal": f"({self.goal.x:.2f}, {self.goal.y:.2f}) m",
             "time limit": f"{self.rules.time_limit:g} s",
         }
+
+    def drawn_as(self, seed: int, episode: int, settings: dict[str, Any]) -> Scene:
+        """The same layout with another origin; what was computed of the layout is kept."""
+        scene = copy(self)
+        for name, value in (("seed", seed), ("episode", episode), ("settings", settings)):
+            object.__setattr__(scene, name, value)
+        return scene
 
     @cached_property
     def barriers(self) -> Barriers:

@@ -9,12 +9,16 @@ import numpy as np
 from ..agents.pedestrians.crowd import Crowd
 from ..core.entities import Human, Robot
 from ..core.geometry import Pose, Twist
+from ..core.humans import X, Y
 from ..core.portable_math import Array, BoolArray
 from ..core.scene import Scene
+from ..core.snapshot import Frames
+from ..core.state import HUMAN_SIZE, ROBOT_SIZE
 from ..core.vectors import lengths
 from ..datasets.transforms.mirror import mirrored
 from ..record.canonical import rounded
 from ..record.record import EpisodeRecord
+from ..sim.member import CompiledRun
 from ..sim.world import World
 from ..version import PHYSICS_VERSION
 from .definition import metric
@@ -32,15 +36,30 @@ class RunWithoutRobot:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self._world, self._crowd = World(scene), Crowd(scene)
-        self._states = [self._world.positions()]
+        self._world, self._crowd, self._states = World(scene), Crowd(scene), list[Array]()
+        self._run: CompiledRun | None = None
+        if self._crowd.is_compiled:
+            commands = np.zeros((scene.rules.last_tick, 3))
+            self._run = CompiledRun.of_commands(self._world, self._crowd, commands)
 
     def positions(self, count: int) -> Array:
         """(count, N, 2), m, positions of the humans at the first states, rounded as in files, NaN where absent."""
-        while len(self._states) < count:
-            self._world.run_tick(Twist(), self._crowd)
-            self._states.append(self._world.positions())
-        return rounded(np.stack(self._states[:count]))
+        while self._world.tick + 1 < count:
+            if self._run is None:
+                self._states.append(self._world.positions())
+                self._world.run_tick(Twist(), self._crowd)
+            else:
+                frames = self._run.frames(self._world.snapshot(), count - 1 - self._world.tick)
+                self._states += _positions_in(frames)
+        return rounded(np.stack([*self._states, self._world.positions()][:count]))
+
+
+def _positions_in(frames: Frames) -> list[Array]:
+    """Positions of the humans in each frame, (N, 2), m, NaN where absent."""
+    positions = frames.rows[:, ROBOT_SIZE:].reshape(len(frames.rows), -1, HUMAN_SIZE)[..., X : Y + 1].copy()
+    if (is_present := frames.first.state.is_present) is not None:
+        positions[:, ~is_present] = np.nan
+    return [*positions]
 
 
 def without_robot(record: EpisodeRecord, runs: list[RunWithoutRobot] | None = None) -> Array | None:

@@ -18,9 +18,9 @@ from ..datasets.manifest import METRICS as METRICS_FILE, files_of as episode_fil
 from ..datasets.workers.executors import Workers, parallel_map, shared_workers
 from ..datasets.workers.processes import end_if_unguarded
 from ..errors import MetricError, Sonata2dError
-from ..record.files import sha256_of
+from ..record.files import read_stored
 from ..record.layout import scene_to_json, software_versions
-from ..record.reader import read_episode
+from ..record.reader import episode_in
 from ..record.record import EpisodeRecord
 from .catalogue import ALL
 from .definition import Metric, missing_data
@@ -121,7 +121,8 @@ def _measure_file(path: Path, runs: list[RunWithoutRobot] | None) -> Measured:
         runs: as for `without_robot`; None: do not run the seed without a robot.
     """
     logger.info("measuring %s", path)
-    record = read_episode(path)
+    stored = read_stored(path)
+    record = episode_in(path, stored)
     try:
         undisturbed = None if runs is None else without_robot(record, runs)
     except BaseException as error:  # a pedestrian model of a plug-in is missing, or fails
@@ -134,7 +135,7 @@ def _measure_file(path: Path, runs: list[RunWithoutRobot] | None) -> Measured:
     lacks = missing_data(record)
     return Measured(
         file=path.name,
-        sha256=sha256_of(path),
+        sha256=hashlib.sha256(stored).hexdigest(),
         name=record.name,
         family=record.family,
         seed=record.seed,

@@ -41,11 +41,7 @@ def read_episode(path: str | Path) -> EpisodeRecord:
         InvalidFileError: the content is not a valid episode; `findings` lists the faults.
         RecordError: the file cannot be read, or is not a complete episode.
     """
-    path = location(path)
-    if is_shard(path):
-        first = next(iter(members_of(path)), "000000.json")
-        raise RecordError(f"{path} is a shard; name an episode in it, such as {path / first}, or its data set")
-    return _episode(path, None)
+    return episode_in(location(path), None)
 
 
 def read_episodes(files: Sequence[Path]) -> Iterator[EpisodeRecord]:
@@ -61,18 +57,24 @@ def read_episodes(files: Sequence[Path]) -> Iterator[EpisodeRecord]:
         members = list(group)
         if is_remote(shard) and is_member(members[0]):  # one request for all of them
             contents = read_members(shard, [file.name for file in members], MAX_FILE_BYTES)
-            yield from map(_episode, members, contents)
+            yield from map(episode_in, members, contents)
         else:
             yield from map(read_episode, members)
 
 
-def _episode(path: Path, stored: bytes | None) -> EpisodeRecord:
-    """Read, check and convert the episode of a file.
+def episode_in(path: Path, stored: bytes | None) -> EpisodeRecord:
+    """The episode of a file.
 
     Args:
         path: of the file.
         stored: its bytes; None: they are read.
+
+    Raises:
+        RecordError: as of `read_episode`.
     """
+    if is_shard(path):
+        first = next(iter(members_of(path)), "000000.json")
+        raise RecordError(f"{path} is a shard; name an episode in it, such as {path / first}, or its data set")
     with without_garbage_collection():
         document = _document_of(read_bytes(path) if stored is None else unpacked(stored, path), path)
         require_valid(document, path)

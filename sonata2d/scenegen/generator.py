@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 
@@ -82,7 +81,7 @@ def generate(config: str | Path | ScenarioConfig, seed: int = 0, episode: int = 
             if attempt == config.max_layouts:
                 raise
     scene = with_visitors(scene, scenario, journeys, reactions, journey_rng)
-    return replace(scene, seed=seed, episode=episode, settings=config.settings())
+    return scene.drawn_as(seed, episode, config.settings())
 
 
 def _check_furniture(fixed: tuple[Furniture, ...], plan: FloorPlan) -> None:

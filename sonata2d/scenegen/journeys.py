@@ -258,6 +258,8 @@ def with_visitors(
     """
     visitors = [*_seated(scene, config, rng), *_waiting(config, journeys, rng)]
     parties = [[visitor] for visitor in visitors] + _arrivals(config, journeys.doors, scene.rules.last_tick, rng)
+    if not parties:
+        return scene
     scene, free = _with_free_ids(scene, len(config.people), sum(len(party) for party in parties))
     ids, group_ids = iter(free), iter(free_ids({group.id for group in scene.groups}, len(parties)))
     humans, groups, interactions = list(scene.humans), list(scene.groups), list(scene.interactions)

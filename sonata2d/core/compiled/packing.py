@@ -10,13 +10,14 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Iterator, Set
+from contextlib import suppress
 from functools import cache
 from itertools import count
-from typing import Annotated, Any, Generic, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Generic, NamedTuple, NoReturn, TypeVar, get_args, get_origin, get_type_hints
 
-import cffi
 import numpy as np
 from numpy.typing import NDArray
+from pymunk._chipmunk_cffi import ffi as _FFI
 
 from .kernel import IS_COMPILED
 
@@ -35,7 +36,6 @@ Bools = Annotated[NDArray[np.bool_], np.bool_, 1]
 
 
 _SCALARS: dict[Any, Any] = {float: np.float64, int: np.int64, bool: np.bool_}
-_FFI = cffi.FFI()  # five times as fast as `ndarray.ctypes`, and a world has some 300 arrays
 _ADDRESS = _FFI.typeof("uintptr_t")
 _FLOAT, _WORD = struct.Struct("=d"), struct.Struct("=q")
 
@@ -150,27 +150,96 @@ def pack(value: T) -> Any:
     Raises:
         TypeError: an array has another element type or other dimensions than its field, or is not contiguous.
     """
-    return np.array([_layout_id(value.__class__), *_numbers(value)], dtype=np.int64) if IS_COMPILED else value
+    if not IS_COMPILED:
+        return value
+    kind = value.__class__
+    plan, items = _plan(kind), list[Any]()
+    _flatten(value, kind, items)
+    words = np.empty(plan.size, dtype=np.int64)
+    words[0] = _layout_id(kind)
+    for place, position, is_float in plan.numbers:
+        words[position] = _WORD.unpack(_FLOAT.pack(items[place]))[0] if is_float else int(items[place])
+    arrays = [items[place] for place in plan.arrays]
+    try:
+        if [(array.dtype, array.ndim) for array in arrays] != plan.kinds:
+            raise ValueError
+        words[plan.addresses] = [int(_FFI.cast(_ADDRESS, _FFI.from_buffer(array))) for array in arrays]
+    except ValueError:  # also of an array that is not contiguous
+        _refuse(value)
+    words[plan.shapes] = [length for array in arrays for length in array.shape]
+    return words
 
 
-def _numbers(value: Any) -> list[int]:
-    """Addresses and shapes of the arrays of a named tuple, and the bits of its numbers."""
-    numbers: list[int] = []
+class _Plan(NamedTuple):
+    """Places of the values of a packed named tuple.
+
+    Attributes:
+        size: number of words.
+        numbers: of each number: its place among all values, its word, and whether it is a float.
+        arrays: places of the arrays among all values.
+        kinds: element type and dimensions of each array.
+        addresses, shapes: words of the addresses, and of the lengths of all axes, of the arrays.
+    """
+
+    size: int
+    numbers: list[tuple[int, int, bool]]
+    arrays: list[int]
+    kinds: list[tuple[Any, int]]
+    addresses: NDArray[np.int64]
+    shapes: NDArray[np.int64]
+
+
+@cache
+def _plan(kind: type) -> _Plan:
+    size, numbers, arrays, kinds, addresses, shapes = 1, [], [], [], list[int](), list[int]()
+    for place, field in enumerate(_flat_layout(kind)):
+        if field.dimensions == 0:
+            numbers.append((place, size, field.dtype is np.float64))
+        else:
+            arrays.append(place)
+            kinds.append((field.dtype, field.dimensions))
+            addresses.append(size)
+            shapes += range(size + 1, size + 1 + field.dimensions)
+        size += 1 + field.dimensions
+    return _Plan(size, numbers, arrays, kinds, np.array(addresses, dtype=int), np.array(shapes, dtype=int))
+
+
+def _flat_layout(kind: type) -> list[_Field]:
+    """The fields of a named tuple class, with those of its named tuples in their places."""
+    flat: list[_Field] = []
+    for field in layout(kind):
+        flat += _flat_layout(field.dtype) if field.dimensions < 0 else [field]
+    return flat
+
+
+@cache
+def _is_nested(kind: type) -> tuple[bool, ...]:
+    return tuple(field.dimensions < 0 for field in layout(kind))
+
+
+def _flatten(value: Any, kind: type, items: list[Any]) -> None:
+    """Append the values of a named tuple, with those of its named tuples in their places."""
+    for item, is_nested in zip(value, _is_nested(kind), strict=True):
+        if is_nested:
+            _flatten(item, item.__class__, items)
+        else:
+            items.append(item)
+
+
+def _refuse(value: Any) -> NoReturn:
+    """Raise the error of the first array that cannot be packed."""
     for (name, dtype, dimensions), item in zip(layout(value.__class__), value, strict=True):
         if dimensions < 0:
-            numbers += _numbers(item)
-        elif dimensions == 0:
-            numbers.append(_WORD.unpack(_FLOAT.pack(item))[0] if dtype is np.float64 else int(item))
-        else:
-            try:
-                if (item.dtype is dtype or item.dtype == dtype) and item.ndim == dimensions:
-                    numbers += (int(_FFI.cast(_ADDRESS, _FFI.from_buffer(item))), *item.shape)
-                    continue
-            except ValueError:  # not contiguous
-                pass
+            with suppress(_Usable):
+                _refuse(item)
+        elif dimensions and not (item.dtype == dtype and item.ndim == dimensions and item.flags.c_contiguous):
             expected = f"a contiguous array of {np.dtype(dtype)} with {dimensions} dimensions"
             raise TypeError(f"{type(value).__name__}.{name} must be {expected}, got {item.dtype} {item.shape}")
-    return numbers
+    raise _Usable
+
+
+class _Usable(Exception):
+    """All arrays of a named tuple can be packed."""
 
 
 if IS_COMPILED:

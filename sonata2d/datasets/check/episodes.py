@@ -5,16 +5,15 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import orjson
 
 from ...errors import InvalidFileError, RecordError
-from ...record.files import file_exists, read_bytes, sha256_of
+from ...record.files import file_exists, read_stored, sha256_of, unpacked
 from ...record.layout import JsonDict
-from ...record.reader import read_episode
+from ...record.reader import episode_in
 from ...record.record import EpisodeRecord
 from ..manifest.names import MANIFEST
 from ..manifest.write import row_of
@@ -59,34 +58,42 @@ class ListedFile:
     shared: JsonDict = field(default_factory=dict)
 
 
-def open_to_check(file: ListedFile) -> tuple[EpisodeRecord | None, list[Problem]]:
-    """The content of a file; or None, and why it cannot be checked."""
+def open_to_check(file: ListedFile) -> tuple[EpisodeRecord | None, bytes, list[Problem]]:
+    """The episode of a file, and its bytes; or None, and why it cannot be checked."""
     path, entry = file.path, file.entry
     if entry and not file_exists(path):
-        return None, [Problem(MANIFEST, "files", f"{entry['name']} is listed but not in the folder")]
+        return None, b"", [Problem(MANIFEST, "files", f"{entry['name']} is listed but not in the folder")]
     try:
-        return read_episode(path), []
+        stored = read_stored(path)
+        return episode_in(path, stored), stored, []
     except InvalidFileError as error:
         problems = [Problem(path.name, *finding) for finding in error.findings[:_MAXIMUM_FINDINGS]]
         if (rest := len(error.findings) - _MAXIMUM_FINDINGS) > 0:
             problems.append(Problem(path.name, "schema", f"{rest} more problems"))
         if entry and sha256_of(path) != entry["sha256"]:
             problems.insert(0, Problem(path.name, "sha256", "differs from the manifest"))
-        return None, problems
+        return None, b"", problems
     except RecordError as error:
-        return None, [Problem(path.name, "file", str(error))]
+        return None, b"", [Problem(path.name, "file", str(error))]
 
 
-def check_record(record: EpisodeRecord, file: ListedFile) -> list[Problem]:
-    """Problems of an episode, and differences from the manifest that lists its file."""
-    implausible = [Problem(record.path.name, *finding) for finding in implausible_values(record)]
-    return (_differences(record, file) if file.entry else []) + repeated_keys(record.path) + implausible
+def check_record(record: EpisodeRecord, stored: bytes, file: ListedFile) -> list[Problem]:
+    """Problems of an episode, and differences from the manifest that lists its file.
+
+    Args:
+        record, stored: the episode, and the bytes of its file.
+        file: with what the manifest states.
+    """
+    path = record.path
+    repeated_ones = repeated_keys(path, unpacked(stored, path), record.document)
+    implausible = [Problem(path.name, *finding) for finding in implausible_values(record)]
+    return (_differences(record, stored, file) if file.entry else []) + repeated_ones + implausible
 
 
-def _differences(record: EpisodeRecord, file: ListedFile) -> list[Problem]:
+def _differences(record: EpisodeRecord, stored: bytes, file: ListedFile) -> list[Problem]:
     """Differences between a file and what the manifest states about it."""
     name, entry = file.entry["name"], file.entry
-    actual = row_of(record) | {"name": name}  # with the name of its shard
+    actual = row_of(record, stored) | {"name": name}  # with the name of its shard
     problems = [
         Problem(name, key, f"is {actual[key]}, the manifest says {entry[key]}")
         for key in actual
@@ -101,8 +108,14 @@ def _differences(record: EpisodeRecord, file: ListedFile) -> list[Problem]:
     return problems
 
 
-def repeated_keys(path: Path) -> list[Problem]:
-    """Report duplicate keys of the JSON objects of a file; parsers silently use one of the values."""
+def repeated_keys(path: Path, content: bytes, document: JsonDict) -> list[Problem]:
+    """Report duplicate keys of the JSON objects of a file; parsers silently use one of the values.
+
+    Args:
+        path: of the file.
+        content: of the file, unpacked.
+        document: the parsed content.
+    """
     duplicates: list[str] = []
 
     def collect(pairs: list[tuple[str, object]]) -> dict[str, object]:
@@ -111,12 +124,10 @@ def repeated_keys(path: Path) -> list[Problem]:
             duplicates.extend(repeated(key for key, _ in pairs))
         return content
 
-    content = read_bytes(path)
     # A repeated key is a text that a parser drops. Without escaped characters each text has two quotes, and counting
     # them takes a tenth of the time.
-    with suppress(ValueError):  # a number that orjson does not read, which the other parser does
-        if b"\\" not in content and orjson.dumps(orjson.loads(content)).count(b'"') == content.count(b'"'):
-            return []
+    if b"\\" not in content and orjson.dumps(document).count(b'"') == content.count(b'"'):
+        return []
     json.loads(content, object_pairs_hook=collect)
     return [Problem(path.name, key, "is given twice; one of the values is ignored") for key in duplicates[:1]]
 

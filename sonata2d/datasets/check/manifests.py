@@ -11,8 +11,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import orjson
+
 from ...errors import RecordError
-from ...record.files import file_stem, sha256_of
+from ...record.files import file_stem, read_bytes, sha256_of
 from ...record.layout import JsonDict
 from ...record.shard_file import contents_of, is_shard, shard_manifest_path
 from ..manifest.models import Manifest, ManifestFile, Shard, ShardedManifest, Source
@@ -85,7 +87,9 @@ def check_tar(path: Path) -> list[Problem]:
 def _problems_of(path: Path, manifest: JsonDict, findings: Sequence[Finding]) -> list[Problem]:
     """The findings in a manifest, its repeated keys, and its unknown keys as warnings."""
     unknown = [Problem(path.name, *finding, is_warning=True) for finding in _unknown_keys(manifest)]
-    return [*repeated_keys(path), *(Problem(path.name, *finding) for finding in findings), *unknown]
+    content = read_bytes(path)
+    repeated_ones = repeated_keys(path, content, orjson.loads(content))
+    return [*repeated_ones, *(Problem(path.name, *finding) for finding in findings), *unknown]
 
 
 def listed_shards(folder: Path, manifest: JsonDict) -> list[ListedFile]:

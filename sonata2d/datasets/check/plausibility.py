@@ -6,22 +6,21 @@ Ids, references and the lengths of rows are checked when a file is read, see `re
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
-from ...core.entities import Furniture
-from ...core.geometry import Barriers, Disc, inside_polygon, segment_distances, shoulder_line_distances, shoulder_lines
-from ...core.portable_math import Array, BoolArray, unit_vectors
-from ...core.relations import ACTIVITIES
+from ...core.geometry import inside_polygon
+from ...core.portable_math import Array, BoolArray
 from ...core.scene import Scene
 from ...core.turning import BODY_TURN
-from ...core.vectors import lengths, wrap_angle
+from ...core.vectors import wrap_angle
 from ...record.canonical import rounded_rows
 from ...record.layout import HUMAN_ANGLES, ROBOT_ANGLES
 from ...record.record import EpisodeRecord
 from ...sim.kernel.rules import maximum_speeds, walking_speeds
 from ..motion import THETA, VX, VY, X, Y
+from .overlaps import overlaps
 
 MAXIMUM_OVERLAP = 0.06  # m, of outlines: the physics detects a contact only after the bodies have moved
 ROUNDING = 2e-4  # m, m/s, rad/s: tolerance for numbers rounded to 1e-4
@@ -32,8 +31,6 @@ _MOVED_APART = 0.05  # m, by which bodies that overlap are moved apart in a tick
 _PUSH_RANGE = 0.1  # m, clearance to a recorded pedestrian within which a push in the last tick is possible
 _TURN_TOLERANCE = 0.05  # rad, between the rotation in a tick and the executed turn rate times dt
 _SUDDEN_SPEED, _SUDDEN_TURN = 1.0, 1.0  # m/s and rad, changes in a tick beyond which two velocities say little of it
-
-_SITTING = ACTIVITIES.index("sitting")  # also while a pedestrian sits down and gets up
 
 Finding = tuple[str, str]  # place, message
 
@@ -214,63 +211,8 @@ def _check_room(record: EpisodeRecord) -> Iterator[Finding]:
 
 def _check_overlaps(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
     """Outlines must not overlap by more than `_maximum_overlap`."""
-    scene = record.scene()
-    maximum_overlap = _maximum_overlap(scene)
-    positions = np.where(pushed[..., None], np.nan, _positions(record))
-    directions, radii, shoulders = _bodies(record)
-    names = [*(f"human {human.id}" for human in scene.humans), "the robot"]
-    walls = Barriers.of((wall.start, wall.end, 0.0) for wall in scene.straight_walls.values())
-    solids = [thing for thing in scene.furniture if thing.on is None]  # bodies do not collide with things on a table
-    is_near = _are_near(positions, np.maximum(radii - maximum_overlap, 0.0) + shoulders, walls, solids)
-    for k, name in enumerate(names):
-        position, minimum_distance = positions[:, k], radii[k] - maximum_overlap
-        ticks = np.flatnonzero(is_near[:, k])
-        if len(ticks):
-            line = shoulder_lines(position[ticks], directions[ticks, k], shoulders[k])
-            for kind, thing, distance in _distances_to_solids(line, walls, solids):
-                depth = np.full(len(position), np.nan)
-                depth[ticks] = minimum_distance - distance
-                if thing is not None and thing.is_seat and k < len(scene.humans):
-                    depth[record.states.activity[:, k] == _SITTING] = np.nan
-                what = "a wall" if thing is None else f"{thing.type} {thing.id}"
-                yield from _worst_tick(depth, kind, name, f"m too deep in {what}")
-        present = np.flatnonzero(np.isfinite(position[:, 0]))
-        reach = minimum_distance + radii[k + 1 :] + shoulders[k] + shoulders[k + 1 :]
-        # The outlines of the other pairs cannot touch.
-        near, others = np.nonzero(lengths(positions[present, k + 1 :] - position[present, None]) < reach)
-        ticks, others = present[near], others + k + 1
-        distance = shoulder_line_distances(
-            positions[ticks, others] - position[ticks],
-            directions[ticks, k],
-            shoulders[k],
-            directions[ticks, others],
-            shoulders[others],
-        )
-        for other in np.unique(others).tolist():
-            depth, close = np.full(len(position), np.nan), others == other
-            depth[ticks[close]] = minimum_distance + radii[other] - distance[close]
-            yield from _worst_tick(depth, "humans", name, f"m too deep in {names[other]}")
-
-
-def _are_near(positions: Array, reach: Array, walls: Barriers, solids: Sequence[Furniture]) -> BoolArray:
-    """Whether bodies come within a reach of a solid, m, (N + 1,), and can be too deep in it; (T + 1, N + 1)."""
-    points = positions.reshape(-1, 2)
-    distance = walls.gaps(points).min(axis=0, initial=np.inf)
-    for thing in solids:
-        x, y = (points - np.array(thing.pose.position)).T
-        distance = np.fmin(distance, np.sqrt(x * x + y * y) - thing.shape.circumradius)
-    near: BoolArray = distance.reshape(positions.shape[:2]) < reach
-    return near
-
-
-def _distances_to_solids(
-    line: tuple[Array, Array], walls: Barriers, solids: Sequence[Furniture]
-) -> Iterator[tuple[str, Furniture | None, Array]]:
-    """Section of a frame, object, and distance of each line to it, m; first of all walls."""
-    if len(walls):
-        yield "walls", None, segment_distances(*line, walls).min(axis=0)
-    for thing in solids:
-        yield "objects", thing, _distance_to_outline(*line, thing)
+    for tick, section, name, depth in overlaps(record, pushed, _maximum_overlap(record.scene())):
+        yield f"frames.{tick}.{section}", f"{name} is {depth}"
 
 
 def _check_presence(record: EpisodeRecord) -> Iterator[Finding]:
@@ -308,36 +250,6 @@ def _positions(record: EpisodeRecord) -> Array:
     """(T + 1, N + 1, 2), m, of the pedestrians and the robot, which is last; NaN where absent."""
     states = record.states
     return np.concatenate((states.humans[..., X : Y + 1], states.robot[:, None, X : Y + 1]), axis=1)
-
-
-def _bodies(record: EpisodeRecord) -> tuple[Array, Array, Array]:
-    """Headings, (T + 1, N + 1, 2), radii and halves of shoulder lines, (N + 1,), of the pedestrians and the robot."""
-    robot, table = record.scene().robot, record.scene().human_table
-    theta = np.concatenate((record.states.humans[..., THETA], record.states.robot[:, None, THETA]), axis=1)
-    return unit_vectors(theta), np.append(table.radius, robot.radius), np.append(table.shoulder, 0.0)
-
-
-def _distance_to_outline(start: Array, end: Array, thing: Furniture) -> Array:
-    """Distance of lines to the outline of an object, m, negative if an end or the middle is inside.
-
-    Args:
-        start, end: (T, 2), of the lines, m.
-        thing: a piece of furniture.
-
-    Returns:
-        (T,), m.
-    """
-    outline = Barriers.of(thing.shape.edges(thing.pose))
-    distance: Array = segment_distances(start, end, outline).min(axis=0)
-    if isinstance(thing.shape, Disc):
-        return distance
-    half, axes = np.array([thing.shape.length, thing.shape.width]) / 2, np.array(thing.pose.direction)
-    for point in (start, end, (start + end) / 2):
-        offset = point - np.array(thing.pose.position)
-        local = np.stack((offset @ axes, offset[:, 1] * axes[0] - offset[:, 0] * axes[1]), axis=1)
-        beyond = (np.abs(local) - half).max(axis=1)  # negative inside
-        distance = np.where(beyond < 0.0, np.minimum(distance, beyond), distance)
-    return distance
 
 
 def _check_outcome(record: EpisodeRecord) -> Iterator[Finding]:

@@ -115,10 +115,10 @@ def _short_hashes(hashes: Mapping[str, str]) -> str:
 def _verify_file(file: ListedFile, *, replay: bool, rerun: bool, controller: str | None) -> list[Problem]:
     """Problems of one file; only a readable file is run again."""
     logger.info("checking %s", file.path)
-    record, problems = open_to_check(file)
+    record, stored, problems = open_to_check(file)
     if record is None:
         return problems
-    problems += check_record(record, file)
+    problems += check_record(record, stored, file)
     checks: dict[str, Callable[[EpisodeRecord], list[Problem]]] = {"replay": check_replay} if replay else {}
     if rerun:
         checks["rerun"] = partial(check_rerun, name=controller)

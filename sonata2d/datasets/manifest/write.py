@@ -58,9 +58,15 @@ def file_row(name: str, data: bytes, header: JsonDict, counts: JsonDict) -> Json
     }
 
 
-def row_of(record: EpisodeRecord) -> JsonDict:
-    """The row of an episode file that was read."""
-    return file_row(record.path.name, read_stored(record.path), record.document, record.counts())
+def row_of(record: EpisodeRecord, stored: bytes | None = None) -> JsonDict:
+    """The row of an episode file that was read.
+
+    Args:
+        record: its episode.
+        stored: its bytes; None: they are read.
+    """
+    data = read_stored(record.path) if stored is None else stored
+    return file_row(record.path.name, data, record.document, record.counts())
 
 
 def counts_of(rows: Iterable[JsonDict], keys: Iterable[str] = COUNTED) -> dict[str, dict[str, int]]:
