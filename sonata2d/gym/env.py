@@ -38,7 +38,7 @@ from .state import MAX_SEED, EnvState, checked_state
 
 Env = gymnasium.Env[Any, Any]
 _RenderMode = Literal["human", "rgb_array", "rgb_array_list"]
-_LAYOUTS = 100  # episodes that `reset` tries if their scenes have no layout
+LAYOUTS = 100  # episodes that `reset` tries if their scenes have no layout
 _DEFAULT_SIZE, _MAXIMUM_SIDE = (640, 640), 8192  # px
 
 
@@ -201,12 +201,12 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         elif self._seed is None:  # the first reset without a seed; later ones continue the seed's episodes
             self._seed = int(self.np_random.integers(2**31))
         self._number = self._number + 1 if number is None else int(number)
-        for attempt in range(_LAYOUTS):  # an episode whose scene has no layout is skipped
+        for attempt in range(LAYOUTS):  # an episode whose scene has no layout is skipped
             try:
                 scene = self._generate(self._seed, self._number)
                 break
             except SceneError:
-                if attempt == _LAYOUTS - 1:
+                if attempt == LAYOUTS - 1:
                     raise
                 self._number += 1
         self._start(scene)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+import math
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..agents.pedestrians.crowd import Crowd
@@ -45,12 +47,13 @@ from ..sim.kernel.tick import DONE, LONGER_LISTS
 from ..sim.member import member_of
 from ..sim.world import World
 from .observation import Encoder, Order, Sizes
-from .parts import Observation, Rows
+from .parts import Floats32, Observation, Rows
 from .recording import FolderRecorder, recording_folder
 from .rewards import REWARDS, BuiltIn, Reward, reward_of
 from .sight import Arrays, sight_of, write_observation
 
 _KEPT = 512  # worlds that are kept to begin again; one has some 0.3 MB
+_PREPARED = 64  # worlds that are made before they are needed
 STATUSES = {RUNNING: None, GOAL: "goal", CONTACT: "contact", TIMEOUT: "timeout"}
 
 
@@ -94,6 +97,8 @@ class Worlds:
     Attributes:
         num_worlds: B.
         action_size: 2 (forward, turn), or 3 for holonomic robots (forward, left, turn).
+        flat: (B, D) of float32, the memory of all parts of floats of the observations, one after another in
+            alphabetical order, as of the wrapper `Flat`; `torch.from_numpy(worlds.flat)` shares it.
 
     >>> from sonata2d import Worlds, generate
     >>> worlds = Worlds([generate("empty", seed) for seed in range(4)])
@@ -123,32 +128,55 @@ class Worlds:
             raise ValueError("Worlds needs at least one scene")
         if len({scene.robot.kinematics for scene in self._scenes}) > 1:
             raise ValueError("the robots of all scenes must have the same drive: their actions have the same length")
-        self.num_worlds = count = len(self._scenes) if num_worlds is None else whole_number("num_worlds", num_worlds, 1)
+        count = len(self._scenes) if num_worlds is None else whole_number("num_worlds", num_worlds, 1)
+        encoder = Encoder(_sizes_of(self._scenes).changed(dict(sizes or {})), order)
+        self._next = 0  # index of the next scene
+        size = 3 if self._scenes[0].robot.kinematics == "holonomic" else 2
+        self._set_up(count, encoder, size, reward, threads, record)
+
+    def _set_up(
+        self,
+        count: int,
+        encoder: Encoder,
+        action_size: int,
+        reward: str | Reward,
+        threads: int,
+        record: str | Path | None,
+    ) -> None:
+        """The second half of the constructor, after the origin of the scenes.
+
+        Args:
+            count: number of worlds.
+            encoder: of the observations.
+            action_size: of all robots.
+            reward, threads, record: of the constructor.
+        """
+        self.num_worlds, self.action_size = count, action_size
         self._threads = whole_number("threads", threads, 1)
         function = reward_of(reward)
         if not isinstance(function, BuiltIn):
             raise TypeError(
-                f"the reward of Worlds is a name ({', '.join(REWARDS)}) or an object derived from rewards.BuiltIn, got "
-                f"{shown(reward)}; SocialNavEnv takes functions of snapshots"
+                f"the reward of many worlds is a name ({', '.join(REWARDS)}) or an object derived from "
+                f"rewards.BuiltIn, got {shown(reward)}; SocialNavEnv takes functions of snapshots"
             )
         self._reward = function
         self._folder = None if record is None else recording_folder(record)
-        self.action_size = 3 if self._scenes[0].robot.kinematics == "holonomic" else 2
-        self._encoder = Encoder(_sizes_of(self._scenes).changed(dict(sizes or {})), order)
-        space = self._encoder.space
-        self._arrays: dict[str, NDArray[Any]] = {
-            name: np.zeros((count, *(space[name].shape or ())), space[name].dtype) for name in Arrays._fields
-        }
+        self._encoder = encoder
+        self.flat, self._arrays = _batch_arrays(count, encoder.space)
         self._running: list[_Running | None] = [None] * count
         self._addresses = np.zeros(count, dtype=np.int64)
         self._commands, self._needs = np.zeros((count, 3)), np.zeros(count, dtype=np.int64)
         self._outcome, self._measured = np.zeros(count, dtype=np.int64), np.zeros((count, MEASURED_SIZE))
         self._limits = np.zeros((count, 4))  # ahead, back, sideways, turn
         self._dt = [0.0] * count  # s, ticks
-        self._next = 0  # index of the next scene
-        self._idle: list[_Running] = []  # worlds that can begin again
+        self._idle: dict[Hashable, list[_Running]] = {}  # worlds that can begin again, by episode
+        self._idle_count = 0
+        self._repeats = True  # whether episodes come again
+        self._keeps_commands = record is not None
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
-        self._needs_reset = True
+        self._background = ThreadPoolExecutor(1)
+        self._prepared: dict[Hashable, Future[_Running]] = {}  # worlds that have not run
+        self.needs_reset = True
 
     def reset(self) -> Observation:
         """Begin an episode in each world; those that were running are dropped.
@@ -159,7 +187,7 @@ class Worlds:
         self._next = 0
         for w in range(self.num_worlds):
             self._begin(w)
-        self._needs_reset = False
+        self.needs_reset = False
         return self._arrays
 
     def step(self, actions: Any) -> WorldsStep:
@@ -174,15 +202,16 @@ class Worlds:
             ControllerError: a number is not finite.
             ValueError: the actions have another shape.
         """
-        if self._needs_reset:
+        if self.needs_reset:
             raise gymnasium.error.ResetNeeded("call reset() first, and after a step that failed or was interrupted")
         self._set_commands(actions)
-        self._needs_reset = True
+        self.needs_reset = True
         is_first = self._outcome != RUNNING
         before = self._measured[:, GOAL_DISTANCE].copy()
-        if self._folder is not None:
-            for w in np.flatnonzero(~is_first).tolist():
-                self._at(w).commands.append(tuple(self._commands[w].tolist()))
+        if self._keeps_commands:
+            for running, command, is_over in zip(self._running, self._commands.tolist(), is_first, strict=True):
+                if not is_over:
+                    running.commands.append(command)  # type: ignore[union-attr]
         self._needs[:] = 0
         self._advance(is_first)
         for w in np.flatnonzero(is_first).tolist():
@@ -191,9 +220,14 @@ class Worlds:
         if self._folder is not None:
             for w in np.flatnonzero((self._outcome != RUNNING) & ~is_first).tolist():
                 self._save(self._at(w))
-        self._needs_reset = False
+        self.needs_reset = False
         contacts = self._measured[:, WITH_HUMAN : WITH_WALL + 1] != 0.0
         return WorldsStep(self._arrays, rewards, self._outcome.copy(), contacts, is_first)
+
+    @property
+    def observations(self) -> Observation:
+        """The present observations, see `WorldsStep`."""
+        return self._arrays
 
     def scene(self, world: int) -> Scene:
         """The scene of the present episode of a world."""
@@ -207,8 +241,9 @@ class Worlds:
 
     def close(self) -> None:
         """End the threads."""
-        if self._pool is not None:
-            self._pool.shutdown()
+        for pool in (self._pool, self._background):
+            if pool is not None:
+                pool.shutdown(cancel_futures=True)
 
     def _at(self, w: int) -> _Running:
         running = self._running[w]
@@ -265,26 +300,55 @@ class Worlds:
         vx, vy, omega = self._commands[w].tolist()
         return step_member(self._at(w).member.argument, vx, vy, omega, need)
 
-    def _begin(self, w: int) -> None:
-        """Begin the next episode in a world."""
-        before, index = self._running[w], self._next % len(self._scenes)
-        if before is not None and len(self._idle) < _KEPT:
-            self._idle.append(before)
+    def _draw(self, w: int) -> Hashable:
+        """The next episode of a world."""
         self._next += 1
-        running = self._again(index) or _Running(self._scenes[index], index, self._encoder)
+        return (self._next - 1) % len(self._scenes)
+
+    def _following(self, w: int) -> Hashable | None:
+        """The episode that `_draw` gives next; None: it need not be prepared."""
+        return self._next % len(self._scenes)
+
+    def _scene_of(self, key: Any) -> Scene:
+        """The scene of an episode of `_draw`."""
+        scene: Scene = self._scenes[key]
+        return scene
+
+    def _begin(self, w: int) -> None:
+        """Begin the next episode in a world, and let the one after it be prepared."""
+        before, key = self._running[w], self._draw(w)
+        if before is not None and self._repeats and self._idle_count < _KEPT:
+            self._idle.setdefault(before.key, []).append(before)
+            self._idle_count += 1
+        running = self._again(key)
+        if running is None:
+            future = self._prepared.pop(key, None)
+            running = self._new(key) if future is None else future.result()
+        self._place(w, running)
+        following = self._following(w)
+        is_known = following is None or self._idle.get(following) or following in self._prepared
+        if not is_known and len(self._prepared) < _PREPARED:
+            self._prepared[following] = self._background.submit(self._new, following)
+
+    def _new(self, key: Hashable) -> _Running:
+        return _Running(self._scene_of(key), key, self._encoder)
+
+    def _place(self, w: int, running: _Running) -> None:
+        """Let an episode go on in a world."""
         arrays = Arrays(*(array[w] for array in self._arrays.values()))
         running.attach(arrays, self._outcome[w : w + 1], self._measured[w])
         self._running[w], self._addresses[w], limits = running, running.address, running.scene.robot.limits
         self._limits[w] = limits.ahead, limits.back, limits.sideways, limits.turn
         self._dt[w] = running.scene.rules.dt
 
-    def _again(self, index: int) -> _Running | None:
-        """A world that ran an episode of a scene before, at the start again; None without one."""
-        for n, running in enumerate(self._idle):
-            if running.index == index:
-                del self._idle[n]
-                return running if running.restart() else None
-        return None
+    def _again(self, key: Hashable) -> _Running | None:
+        """A world that ran an episode before, at the start again; None without one."""
+        idle = self._idle.get(key)
+        if not idle:
+            return None
+        self._idle_count -= 1
+        running = idle.pop()
+        return running if running.restart() else None
 
     def _rewards(self, before: Array, is_first: BoolArray) -> Array:
         """(B,), 0 where an episode begins."""
@@ -297,18 +361,26 @@ class Worlds:
             rewards[w] = 0.0
         return np.array(rewards, dtype=float)
 
-    def _save(self, running: _Running) -> None:
-        """Record an episode that is over: it is run again, which gives the same bits."""
+    def _save(self, running: _Running, reason: str | None = None) -> None:
+        """Record an episode: it is run again, which gives the same bits.
+
+        Args:
+            running: its world.
+            reason: of the end of an episode that is not over.
+        """
         assert self._folder is not None
         past = [TickInput(Twist(*command)) for command in running.commands]
-        Episode(running.scene, observers=[FolderRecorder(self._folder)], past=past).run()
+        episode = Episode(running.scene, observers=[FolderRecorder(self._folder)], past=past).replay_past()
+        episode.observe()
+        if reason is not None:
+            episode.end("stopped", reason)
 
 
 class _Running:
     """A world, and all that its packed `Member` points to.
 
     Args:
-        scene, index: of the episode.
+        scene, key: of the episode.
         encoder: numbers and order of the rows of its observations.
 
     Raises:
@@ -317,8 +389,8 @@ class _Running:
 
     member: Packed[Member]
 
-    def __init__(self, scene: Scene, index: int, encoder: Encoder) -> None:
-        self.scene, self.index, self.world, self.crowd = scene, index, World(scene), Crowd(scene)
+    def __init__(self, scene: Scene, key: Hashable, encoder: Encoder) -> None:
+        self.scene, self.key, self.world, self.crowd = scene, key, World(scene), Crowd(scene)
         if not self.crowd.is_compiled:
             raise TypeError(
                 f"the pedestrian model of {scene.title} is ordinary Python; Worlds needs a KernelModel, "
@@ -326,7 +398,7 @@ class _Running:
             )
         self.world.keep()
         self.crowd.keep()
-        self.commands: list[tuple[float, ...]] = []
+        self.commands: list[list[float]] = []
         sizes = encoder.sizes
         rows = Rows(*(np.full(n, -1) for n in (sizes.humans, sizes.objects, sizes.walls)))
         self._sight = sight_of(scene, rows, encoder.arrays, encoder.order == "nearest")
@@ -362,6 +434,21 @@ class _Running:
 @cache
 def _write_address() -> IntArray:
     return address_of(write_observation, PACKED, FLOATS, FLAGS, INTS, INTS2, INT, FLOAT)
+
+
+def _batch_arrays(count: int, space: spaces.Dict) -> tuple[Floats32, dict[str, NDArray[Any]]]:
+    """The observations of B worlds by part, and the memory of all parts of floats, (B, D)."""
+    shapes = {name: space[name].shape or () for name in space}
+    sizes = {name: math.prod(shape) for name, shape in shapes.items() if space[name].dtype == np.float32}
+    flat = np.zeros((count, sum(sizes.values())), dtype=np.float32)
+    arrays, start = dict[str, NDArray[Any]](), 0
+    for name in space:
+        if name in sizes:
+            arrays[name] = flat[:, start : start + sizes[name]].reshape(count, *shapes[name])
+            start += sizes[name]
+        else:
+            arrays[name] = np.zeros((count, *shapes[name]), space[name].dtype)
+    return flat, {name: arrays[name] for name in Arrays._fields}
 
 
 def _sizes_of(scenes: Sequence[Scene]) -> Sizes:

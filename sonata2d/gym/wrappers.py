@@ -134,13 +134,19 @@ class Flat(EpisodeWrapper):
             if name not in space.spaces:
                 hint = did_you_mean(name, space.spaces) or f"; it has {', '.join(space.spaces)}"
                 raise ValueError(f"the observation has no part {name!r}{hint}")
-        boxes: list[Any] = [batch_space(space[name], 1) for name in self.keys]  # also of parts of integers
-        low = np.concatenate([box.low.ravel() for box in boxes], dtype=np.float32)
-        high = np.concatenate([box.high.ravel() for box in boxes], dtype=np.float32)
-        self.observation_space = spaces.Box(low, high, dtype=np.float32)
+        self.observation_space = flat_space(space, self.keys)
 
     def observation(self, observation: Observation) -> Floats32:
         return np.concatenate([observation[name].ravel() for name in self.keys], dtype=np.float32)
+
+
+def flat_space(space: spaces.Dict, keys: Iterable[str] | None = None) -> spaces.Box:
+    """The space of parts one after another, as one array; None: of all parts of floats, in alphabetical order."""
+    names = [name for name in space if space[name].dtype == np.float32] if keys is None else keys
+    boxes: list[Any] = [batch_space(space[name], 1) for name in names]  # also of parts of integers
+    low = np.concatenate([box.low.ravel() for box in boxes], dtype=np.float32)
+    high = np.concatenate([box.high.ravel() for box in boxes], dtype=np.float32)
+    return spaces.Box(low, high, dtype=np.float32)
 
 
 def shape_of(space: spaces.Space[Any]) -> str:

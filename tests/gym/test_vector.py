@@ -15,18 +15,19 @@ from gymnasium.vector import AutoresetMode
 import sonata2d as s2
 import sonata2d.gym as s2g
 from sonata2d.errors import ControllerError, RecordError
-from tests.gym.samples import CHAINS, SHORT, equal
+from tests.gym.samples import SHORT, equal
 
 STILL = np.zeros((2, 3), dtype=np.float32)
 COUNT, STEPS = 3, 80  # episodes of 60 steps end within
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-@pytest.mark.parametrize("chain", ["none", "history of flat"])
-def test_results_equal_those_of_single_environments(mode: AutoresetMode, chain: str) -> None:
-    wrap = CHAINS[chain]
-    envs = s2g.SocialNavVectorEnv(COUNT, scenario="lively", settings=SHORT, wrappers=[wrap], autoreset_mode=mode)
-    singles = [wrap(s2g.SocialNavEnv("lively", settings=SHORT)) for _ in range(COUNT)]
+@pytest.mark.parametrize("flat", [False, True])
+@pytest.mark.parametrize("reward", ["distance", "crowdnav"])
+def test_results_equal_those_of_single_environments(mode: AutoresetMode, flat: bool, reward: str) -> None:
+    wrap: Any = s2g.Flat if flat else lambda env: env
+    envs = s2g.SocialNavVectorEnv(COUNT, "lively", settings=SHORT, flat=flat, reward=reward, autoreset_mode=mode)
+    singles = [wrap(s2g.SocialNavEnv("lively", settings=SHORT, reward=reward)) for _ in range(COUNT)]
     assert envs.single_observation_space == singles[0].observation_space
     assert envs.metadata["autoreset_mode"] == mode
     expected = [env.reset(seed=4 + k)[0] for k, env in enumerate(singles)]
@@ -69,16 +70,24 @@ def test_processes_of_gymnasium_give_the_same_bits() -> None:
         found, expected = own.step(action), others.step(action)
         assert equal(found[0], expected[0])
         np.testing.assert_array_equal(found[1], expected[1])
-    assert own.call("get_state") == others.call("get_state")
+    for state, other in zip(own.get_states(), others.call("get_state"), strict=True):
+        assert state | {"np_random": ""} == other | {"np_random": ""}
     own.close()
     others.close()
 
 
 def test_environments_can_be_pickled_and_copied() -> None:
-    envs = s2g.SocialNavVectorEnv(2, wrappers=[s2g.Flat], scenario="lively", settings=SHORT)
-    first, _ = envs.reset(seed=5)
-    for other in (pickle.loads(pickle.dumps(envs)), copy.deepcopy(envs)):
-        assert equal(other.reset(seed=5)[0], first)
+    envs = s2g.SocialNavVectorEnv(2, flat=True, scenario="lively", settings=SHORT)
+    assert equal(pickle.loads(pickle.dumps(envs)).reset(seed=5)[0], envs.reset(seed=5)[0])
+    for _ in range(10):
+        envs.step(np.ones((2, 3), dtype=np.float32))
+    others = [pickle.loads(pickle.dumps(envs)), copy.deepcopy(envs)]
+    for _ in range(60):  # the episodes end within
+        expected = envs.step(STILL)
+        for other in others:
+            found = other.step(STILL)
+            assert equal(found[0], expected[0])
+            np.testing.assert_array_equal(found[3], expected[3])
 
 
 def test_make_vec() -> None:
@@ -102,7 +111,7 @@ def test_without_autoreset_a_mask_selects_what_is_reset() -> None:
     assert not np.array_equal(observation["goal"][0], first["goal"][0])
     with pytest.raises(gymnasium.error.ResetNeeded, match=r"environments \[1\] are over"):
         envs.step(still)
-    assert [len(state["commands"]) for state in envs.call("get_state")] == [0, 60]  # none was stepped
+    assert [len(state["commands"]) for state in envs.get_states()] == [0, 60]  # none was stepped
 
 
 def test_every_episode_of_every_world_is_recorded(tmp_path: Path) -> None:
@@ -118,38 +127,71 @@ def test_every_episode_of_every_world_is_recorded(tmp_path: Path) -> None:
     assert [record.id for record in records] == [f"{k:06}" for k in range(6)]
 
 
-def test_methods_of_all_environments_can_be_called() -> None:
-    envs = s2g.SocialNavVectorEnv(3, scenario="empty", reward=lambda before, after, outcome: 0.0)
+def test_episodes_that_are_not_over_are_recorded_as_stopped(tmp_path: Path) -> None:
+    envs = s2g.SocialNavVectorEnv(2, "empty", record=tmp_path)
     envs.reset(seed=5)
-    envs.step(np.ones((3, 3), dtype=np.float32))
-    states = envs.call("get_state")
-    assert [(state["seed"], len(state["commands"])) for state in states] == [(5, 1), (6, 1), (7, 1)]
-    assert envs.call("render_mode") == envs.get_attr("render_mode") == (None, None, None)
-    assert envs.call("twist_of", action=np.zeros(3)) == (s2.Twist(),) * 3
-    envs.set_attr("added", lambda: 5)
-    assert envs.call("added") == (5, 5, 5)
-    envs.set_attr("note", ["a", "b", "c"])
-    assert envs.get_attr("note") == ("a", "b", "c")
-    envs.set_attr("note", 7)
-    assert envs.get_attr("note") == (7, 7, 7)
-    with pytest.raises(ValueError, match=r"2. values"):
-        envs.set_attr("note", [1, 2])
-    with pytest.raises(AttributeError, match="nothing"):
-        envs.get_attr("nothing")
+    envs.step(STILL)
+    envs.reset(seed=7, options={"reset_mask": np.array([False, True])})
+    envs.step(STILL)
     envs.close()
+    records = [s2.read_episode(path) for path in sorted(tmp_path.glob("*.json"))]
+    found = [(record.seed, len(record), record.outcome.status, record.outcome.reason) for record in records]
+    was_reset, was_closed = "the environment was reset", "the environment was closed"
+    assert found == [
+        (6, 1, "stopped", was_reset), (5, 2, "stopped", was_closed), (8, 1, "stopped", was_closed),
+    ]  # fmt: skip
 
 
-def test_an_error_of_one_environment_is_raised_and_all_are_reset() -> None:
+def test_episodes_of_a_number_come_again() -> None:
+    settings = {"rules": {"time_limit": 0.5}}
+    envs = s2g.SocialNavVectorEnv(2, "lively", settings=settings, episodes=2)
+    _, infos = envs.reset(seed=5)
+    numbers, firsts = [infos["episode_number"].tolist()], [envs.reset(seed=5)[0]]
+    for _ in range(24):
+        observations, *_, infos = envs.step(STILL)
+        if "episode_number" in infos:
+            numbers.append(infos["episode_number"].tolist())
+            firsts.append(observations)
+    assert numbers == [[0, 0], [1, 1], [0, 0], [1, 1], [0, 0]]
+    assert equal(firsts[2], firsts[0])
+    assert equal(firsts[3], firsts[1])
+    assert not equal(firsts[1], firsts[0])
+
+
+def test_the_number_of_an_episode_can_be_chosen() -> None:
+    envs, single = s2g.SocialNavVectorEnv(2, "lively"), s2g.SocialNavEnv("lively")
+    observations, infos = envs.reset(seed=[4, 9], options={"episode": 7})
+    expected, info = single.reset(seed=9, options={"episode": 7})
+    assert equal(row_of(observations, 1), expected)
+    assert infos["episode_number"].tolist() == [7, 7]
+    assert info["episode_number"] == 7
+    assert envs.snapshot(1).scene == single.scene
+
+
+def test_threads_give_the_same_bits() -> None:
+    vectors = [s2g.SocialNavVectorEnv(5, "lively", settings=SHORT, threads=threads) for threads in (1, 3)]
+    assert equal(*(envs.reset(seed=2)[0] for envs in vectors))
+    for action in np.random.default_rng(0).uniform(-1.0, 1.0, (70, 5, 3)).astype(np.float32):
+        found, expected = (envs.step(action) for envs in vectors)
+        assert equal(found[0], expected[0])
+        np.testing.assert_array_equal(found[1], expected[1])
+
+
+@pytest.mark.parametrize("name", ["wrappers", "parts", "metrics", "render_mode", "view"])
+def test_arguments_of_single_environments_name_the_remedy(name: str) -> None:
+    with pytest.raises(TypeError, match=rf"has no {name}; .*vectorization_mode='sync'"):
+        s2g.SocialNavVectorEnv(2, "empty", **{name: "top"})
+    with pytest.raises(TypeError, match="SocialNavEnv takes functions"):
+        s2g.SocialNavVectorEnv(2, "empty", reward=lambda before, after, outcome: 0.0)
+
+
+def test_an_action_that_is_not_finite_moves_nothing() -> None:
     envs = s2g.SocialNavVectorEnv(2, scenario="empty")
     first, _ = envs.reset(seed=5)
     with pytest.raises(ControllerError, match="finite"):
         envs.step(np.array([[np.nan] * 3, [0.0] * 3], dtype=np.float32))
-    with pytest.raises(gymnasium.error.ResetNeeded, match="failed or was interrupted"):
-        envs.step(STILL)  # the second environment may be a tick ahead
-    with pytest.raises(ValueError, match="must reset all environments"):
-        envs.reset(options={"reset_mask": np.array([True, False])})
+    envs.step(STILL)  # no environment has moved
     assert equal(envs.reset(seed=5)[0], first)
-    envs.step(STILL)
     envs.close()
 
 
@@ -157,11 +199,11 @@ def test_after_an_interrupted_step_a_reset_is_needed(monkeypatch: pytest.MonkeyP
     envs = s2g.SocialNavVectorEnv(2, scenario="empty")
     first, _ = envs.reset(seed=5)
 
-    def interrupt(action: Any) -> Any:
+    def interrupt(*_: Any) -> Any:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(envs.envs[1], "step", interrupt)
+        patch.setattr(envs._worlds, "_advance", interrupt)
         with pytest.raises(KeyboardInterrupt):
             envs.step(STILL)
     with pytest.raises(gymnasium.error.ResetNeeded, match="interrupted"):
@@ -171,11 +213,11 @@ def test_after_an_interrupted_step_a_reset_is_needed(monkeypatch: pytest.MonkeyP
 
 
 def test_all_environments_return_to_states() -> None:
-    envs = s2g.SocialNavVectorEnv(2, scenario="lively", settings=SHORT, wrappers=[s2g.History])
+    envs = s2g.SocialNavVectorEnv(2, scenario="lively", settings=SHORT)
     envs.reset(seed=5)
     moves = np.random.default_rng(0).uniform(-1.0, 1.0, (60, 2, 3)).astype(np.float32)
     results = [envs.step(move) for move in moves[:20]]
-    states = envs.call("get_state")
+    states = envs.get_states()
     results += [envs.step(move) for move in moves[20:]]
     assert results[-1][3].all()
     assert equal(envs.restore(states), results[19][0])
@@ -183,12 +225,12 @@ def test_all_environments_return_to_states() -> None:
         found = envs.step(move)
         assert equal(found[0], expected[0])
         np.testing.assert_array_equal(found[3], expected[3])
-    over = envs.call("get_state")
+    over = envs.get_states()
     envs.reset(seed=6)
     last = envs.restore(over)  # the next step begins the next episodes
     assert equal(last, results[-1][0])
     assert envs.step(STILL)[1].tolist() == [0.0, 0.0]
-    assert [len(state["commands"]) for state in envs.call("get_state")] == [0, 0]
+    assert [len(state["commands"]) for state in envs.get_states()] == [0, 0]
     with pytest.raises(ValueError, match="got 1 states"):
         envs.restore(states[:1])
     envs.close()
@@ -209,7 +251,7 @@ def test_a_closed_vector_says_so() -> None:
     envs.reset(seed=5)
     envs.close()
     envs.close()
-    with pytest.raises(gymnasium.error.ResetNeeded, match="after close"):
+    with pytest.raises(gymnasium.error.ResetNeeded, match="are closed"):
         envs.step(STILL)
 
 
@@ -232,10 +274,10 @@ def test_bad_arguments_are_named() -> None:
     envs = s2g.SocialNavVectorEnv(2, scenario="empty")
     with pytest.raises(ValueError, match=r"the first reset, .* must reset all"):
         envs.reset(options={"reset_mask": np.array([True, False])})
-    with pytest.raises(ValueError, match="length=3"):
+    with pytest.raises(ValueError, match="got 3 seeds"):
         envs.reset(seed=[1, 2, 3])
     envs.reset(seed=1)
-    with pytest.raises(ValueError, match="got 1 actions"):
+    with pytest.raises(ValueError, match=r"shape \(2, 3\)"):
         envs.step(np.zeros((1, 3)))
     with pytest.raises(ValueError, match="reset_mask"):
         envs.reset(options={"reset_mask": np.array([True])})
