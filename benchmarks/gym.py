@@ -116,7 +116,7 @@ def candidates(people: int) -> dict[str, Stepper]:
     arguments = {"scenario": "empty", "settings": settings(people)}
 
     def own_vector(count: int) -> Any:
-        return s2g.SocialNavVectorEnv(count, wrappers=[s2g.Flat], **arguments)
+        return s2g.SocialNavVectorEnv(count, flat=True, episodes=POOL // count, **arguments)
 
     found = {
         "bare episode": bare_episode(people),

@@ -804,3 +804,20 @@ def test_each_cell_of_a_notebook_says_why_it_waits(
         kernel_cache._announce(is_kept=True)
     said = [record for record in caplog.records if "is compiled for this processor" in record.message]
     assert len(said) == 3
+
+
+@compiled_only
+@pytest.mark.parametrize(("parent", "said"), [(None, [WAITING.strip()]), (object(), [])])
+def test_workers_do_not_report_that_they_wait_for_one_another(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, parent: object, said: list[str]
+) -> None:
+    import filelock
+
+    monkeypatch.setattr(multiprocessing, "parent_process", lambda: parent)
+    monkeypatch.setattr(kernel_cache, "_SILENT_WAIT", 0.02)
+    monkeypatch.setattr(kernel_cache, "_LOCK_TIMEOUT", 0.02)
+    location = kernel_cache.writable_folder()
+    assert location is not None
+    with filelock.FileLock(location / "some.lock"), kernel_cache._locked("some"):
+        pass
+    assert caplog.messages == said

@@ -282,7 +282,10 @@ def _locked(name: str) -> Iterator[None]:
         try:
             lock.acquire(timeout=_SILENT_WAIT)
         except filelock.Timeout:
-            if not _is_start_announced(folder / _WAIT_STAMP):  # once for all processes that start together
+            from multiprocessing import parent_process
+
+            is_worker = parent_process() is not None  # which waits for another worker of the same program
+            if not is_worker and not _is_start_announced(folder / _WAIT_STAMP):  # once for all that start together
                 _say("another process compiles sonata2d; waiting for it ...")
             lock.acquire(timeout=_LOCK_TIMEOUT)
     try:
