@@ -90,7 +90,7 @@ class EpisodeRecorder:
         self._frames: IO[bytes] | None = None  # JSON of the frames before
         self._count = 0  # of these frames
         self._counts: JsonDict | None = None
-        self._has_been_present = np.zeros(0, dtype=bool)
+        self._has_been_present, self._is_complete = np.zeros(0, dtype=bool), False  # of each person, of all
 
     def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
         """Begin the episode.
@@ -202,10 +202,10 @@ class EpisodeRecorder:
     def _add(self, segment: Segment) -> None:
         if len(self._answers) >= _SERIALISED_AT_ONCE:
             self._serialise(segment)
-        if segment.is_present is None:
-            self._has_been_present[:] = True
-        else:
+        if segment.is_present is not None:
             self._has_been_present |= segment.is_present
+        elif not self._is_complete:
+            self._has_been_present[:] = self._is_complete = True
         self._segments.append(segment)
 
     def _serialise(self, following: Segment) -> None:

@@ -411,7 +411,8 @@ def outcome_at(snapshot: Snapshot) -> Outcome | None:
     scene, row = snapshot.scene, snapshot.state.row
     goal, rules = scene.goal, scene.rules
     # The exact test needs the robot's heading, which takes longer to find than most ticks need for all of this.
-    is_near = abs(goal.x - row[X]) <= goal.distance + 1e-6 and abs(goal.y - row[Y]) <= goal.distance + 1e-6
+    reach = goal.distance + 1e-6
+    is_near = abs(goal.x - row.item(X)) <= reach and abs(goal.y - row.item(Y)) <= reach
     if is_near and "goal" in rules.ends_on and goal.is_reached(snapshot.robot.pose):
         return Outcome("goal", f"within {goal.distance} m of the goal", snapshot.tick, snapshot.time)
     if "contact" in rules.ends_on and snapshot.contacts:
@@ -428,6 +429,9 @@ def outcome_at(snapshot: Snapshot) -> Outcome | None:
 _FAULTS = {(True, False): "the robot", (False, True): "the other", (True, True): "both", (False, False): "nobody"}
 
 
+_USUAL = 1e4  # m/s, rad/s, beyond which the limits of files are looked at
+
+
 def checked_twist(answer: object, controller_class: type | None = None) -> Twist:
     """A command as a twist that a file can hold.
 
@@ -438,6 +442,11 @@ def checked_twist(answer: object, controller_class: type | None = None) -> Twist
     Raises:
         ControllerError: the answer is not a `Twist`, is not finite, or is too large for a file.
     """
+    if type(answer) is Twist:  # the usual case in a third of the time
+        vx, vy, omega = answer.vx, answer.vy, answer.omega
+        is_small = type(vx) is type(vy) is type(omega) is float and -_USUAL < vx < _USUAL and -_USUAL < vy < _USUAL
+        if is_small and -_USUAL < omega < _USUAL:
+            return Twist(round(vx * 1e4) / 1e4 + 0.0, round(vy * 1e4) / 1e4 + 0.0, round(omega * 1e4) / 1e4 + 0.0)
     name = f"{controller_class.__name__}.act" if controller_class else ""
     must = f"{name} must return" if name else "the command must be"
     if not isinstance(answer, Twist):

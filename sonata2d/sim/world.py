@@ -33,7 +33,7 @@ from .kernel.presence import attendance_of
 from .kernel.rules import maximum_speeds, rules_of, walking_speeds
 from .kernel.safety import FASTEST_PERSON, OTHER_AT_FAULT, ROBOT_AT_FAULT, Guard
 from .kernel.step import DRIVE_SIZE, Buffers, advance, begin, enter_and_leave, read_state, track
-from .kernel.tick import DONE, LONGER_LISTS, run_tick, tick_calls
+from .kernel.tick import DONE, LONGER_LISTS, may_change, run_tick, tick_calls
 
 _CONSTANT = frozenset({"solids", "handle", "addresses", "torsos", "rules"})  # fields of `Buffers` that stay the same
 _CONTACT_ORDER = {"human": 0, "object": 1, "wall": 2}
@@ -88,6 +88,7 @@ class World:
         self._last_contacts: tuple[bytes, tuple[Contact, ...]] = b"", ()
         self._activity = initial_activities(scene)
         self._interactions = scene.interactions
+        self._may_change = may_change(scene)
         read_state(self._packed.argument)
         self._check_order()
         begin(self._packed.argument)
@@ -105,7 +106,7 @@ class World:
         row.flags.writeable = False
         activity, interactions, is_present = self._activity, self._interactions, None
         is_absent = self._buffers.attendance.is_absent
-        if is_absent.any():
+        if self._may_change and is_absent.any():
             absent = set(self.scene.human_table.id[is_absent].tolist())
             interactions = tuple(i for i in interactions if i.src not in absent and i.dst not in absent)
             activity = activities_of_present(activity, self.scene.human_table.id, interactions)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, cached_property
 from itertools import accumulate
 from typing import Any
 
@@ -149,10 +149,10 @@ class Crowd:
         """The state as kernels take it."""
         return self._state.argument
 
-    @property
+    @cached_property
     def is_compiled(self) -> bool:
         """Whether the pedestrian model is a kernel, which needs no call of ordinary Python in a tick."""
-        return bool(self._state.value.law.kernel.any())
+        return bool(self.state.law.kernel.any())
 
     def turn_shoulders_like(self, other: Crowd) -> None:
         """Copy the shoulder twist from another crowd of the same people, as it is wanted there."""

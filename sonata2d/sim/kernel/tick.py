@@ -27,15 +27,19 @@ class TickCalls(NamedTuple):
     enter_and_leave: Ints
 
 
+def may_change(scene: Scene) -> bool:
+    """Whether pedestrians can enter or leave."""
+    return bool(scene.doors) or any(h.enters > 0 or h.leaves is not None or h.exits for h in scene.humans)
+
+
 def tick_calls(scene: Scene) -> TickCalls:
     """The addresses of the kernels of the physics that a scene needs: others are not compiled, and have zeros."""
     humans, nothing = scene.humans, np.zeros(2, dtype=np.int64)
     has_tracks = any(human.track for human in humans)
-    has_changes = bool(scene.doors) or any(h.enters > 0 or h.leaves is not None or h.exits for h in humans)
     return TickCalls(
         track=address_of(track, PACKED, INT) if has_tracks else nothing,
         advance=address_of(advance, PACKED, FLOAT, FLOAT, FLOAT, FLAG, INT, INT),
-        enter_and_leave=address_of(enter_and_leave, PACKED, INT, FLAGS, FLAGS) if has_changes else nothing,
+        enter_and_leave=address_of(enter_and_leave, PACKED, INT, FLAGS, FLAGS) if may_change(scene) else nothing,
     )
 
 
