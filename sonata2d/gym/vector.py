@@ -314,8 +314,8 @@ class _Episodes(Worlds):
         self.seeds[w], self._numbers[w] = state.seed, state.episode
         running = self._new((state.seed, state.episode))
         self._place(w, running)
-        running.commands = [list(command) for command in state.commands]
-        for command in running.commands:
+        for command in state.commands:
+            running.commands.extend(command)
             self._commands[w] = command
             self._finish(w, self._step(w, 0))
 
@@ -325,7 +325,8 @@ class _Episodes(Worlds):
 
     def commands(self, w: int) -> list[tuple[float, float, float]]:
         """The commands of the present episode of a world."""
-        return [(vx, vy, omega) for vx, vy, omega in self._at(w).commands]
+        rows = np.array(self._at(w).commands).reshape(-1, 3)
+        return [(vx, vy, omega) for vx, vy, omega in rows.tolist()]
 
     def is_over(self, w: int) -> bool:
         """Whether the episode of a world is over."""

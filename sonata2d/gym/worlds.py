@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from array import array
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
@@ -20,14 +21,13 @@ from ..core.arguments import whole_number
 from ..core.compiled.calls import FLAGS, FLOAT, FLOATS, INT, INTS, INTS2, PACKED, address_of
 from ..core.compiled.kernel import IS_COMPILED
 from ..core.compiled.packing import Packed
-from ..core.geometry import Twist
 from ..core.portable_math import Array, BoolArray, IntArray
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..core.wording import shown
 from ..errors import ControllerError
 from ..sim.episode import Episode
-from ..sim.inputs import TickInput
+from ..sim.inputs import Inputs
 from ..sim.kernel.batch import (
     CLEARANCE,
     CONTACT,
@@ -209,9 +209,9 @@ class Worlds:
         is_first = self._outcome != RUNNING
         before = self._measured[:, GOAL_DISTANCE].copy()
         if self._keeps_commands:
-            for running, command, is_over in zip(self._running, self._commands.tolist(), is_first, strict=True):
-                if not is_over:
-                    running.commands.append(command)  # type: ignore[union-attr]
+            raw, size = self._commands.tobytes(), 3 * self._commands.itemsize
+            for w in np.flatnonzero(~is_first).tolist():
+                self._at(w).commands.frombytes(raw[w * size : (w + 1) * size])
         self._needs[:] = 0
         self._advance(is_first)
         for w in np.flatnonzero(is_first).tolist():
@@ -369,7 +369,8 @@ class Worlds:
             reason: of the end of an episode that is not over.
         """
         assert self._folder is not None
-        past = [TickInput(Twist(*command)) for command in running.commands]
+        past = Inputs()
+        past.extend(np.array(running.commands).reshape(-1, 3))
         episode = Episode(running.scene, observers=[FolderRecorder(self._folder)], past=past).replay_past()
         episode.observe()
         if reason is not None:
@@ -398,7 +399,7 @@ class _Running:
             )
         self.world.keep()
         self.crowd.keep()
-        self.commands: list[list[float]] = []
+        self.commands = array("d")  # three for each tick
         sizes = encoder.sizes
         rows = Rows(*(np.full(n, -1) for n in (sizes.humans, sizes.objects, sizes.walls)))
         self._sight = sight_of(scene, rows, encoder.arrays, encoder.order == "nearest")
@@ -413,7 +414,7 @@ class _Running:
 
     def restart(self) -> bool:
         """Return to the start; False if this is not possible."""
-        self.commands = []
+        self.commands = array("d")
         self.world.restart()
         return self.crowd.restart()
 
