@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
+import threading
+import weakref
 from array import array
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -55,6 +58,23 @@ from .sight import Arrays, sight_of, write_observation
 _KEPT = 512  # worlds that are kept to begin again; one has some 0.3 MB
 _PREPARED = 64  # worlds that are made before they are needed
 STATUSES = {RUNNING: None, GOAL: "goal", CONTACT: "contact", TIMEOUT: "timeout"}
+
+
+_preparing = threading.Lock()  # held while a world is made in the background
+_live: weakref.WeakSet[Worlds] = weakref.WeakSet()
+
+
+def _forget_threads() -> None:
+    """In a forked process: it has a copy of all worlds, and none of their threads."""
+    _preparing.release()
+    for worlds in _live:
+        worlds._start_threads()
+
+
+if hasattr(os, "register_at_fork"):  # so that a process is not forked with locks that a thread in the background holds
+    os.register_at_fork(
+        before=_preparing.acquire, after_in_parent=_preparing.release, after_in_child=_forget_threads
+    )  # fmt: skip
 
 
 class WorldsStep(NamedTuple):
@@ -173,10 +193,15 @@ class Worlds:
         self._idle_count = 0
         self._repeats = True  # whether episodes come again
         self._keeps_commands = record is not None
+        self._start_threads()
+        _live.add(self)
+        self.needs_reset = True
+
+    def _start_threads(self) -> None:
+        """Start without prepared worlds; also in a forked process, which has none of the threads."""
         self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
         self._background = ThreadPoolExecutor(1)
         self._prepared: dict[Hashable, Future[_Running]] = {}  # worlds that have not run
-        self.needs_reset = True
 
     def reset(self) -> Observation:
         """Begin an episode in each world; those that were running are dropped.
@@ -328,7 +353,12 @@ class Worlds:
         following = self._following(w)
         is_known = following is None or self._idle.get(following) or following in self._prepared
         if not is_known and len(self._prepared) < _PREPARED:
-            self._prepared[following] = self._background.submit(self._new, following)
+            self._prepared[following] = self._background.submit(self._prepare, following)
+
+    def _prepare(self, key: Hashable) -> _Running:
+        """Make a world, in the background."""
+        with _preparing:
+            return self._new(key)
 
     def _new(self, key: Hashable) -> _Running:
         return _Running(self._scene_of(key), key, self._encoder)
