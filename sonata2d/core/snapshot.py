@@ -302,7 +302,8 @@ class Observer(Protocol):
     """Receives the scene, every frame and the outcome of an episode: a recorder, a window, a meter.
 
     An observer that also has a method `on_frames(frames: Frames)` may get many frames at once, after the world has
-    moved on.
+    moved on; an error that it raises ends the episode at a later tick. A subclass that overrides `on_frame` alone gets
+    every frame.
     """
 
     def open(self, scene: Scene, controller_info: ControllerInfo) -> None:

@@ -123,6 +123,8 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, Any]):
             raise ValueError(f"reset knows the options 'reset_mask' and 'episode', got {min(options)!r}")
         if number is not None:
             number = _in_range("the option 'episode'", number)
+            if self._worlds.episodes is not None and number >= self._worlds.episodes:
+                raise ValueError(f"the option 'episode' is below {self._worlds.episodes}, the argument episodes")
         seeds = self._seeds_of(seed)
         super().reset(seed=None)
         if mask is None:
@@ -136,11 +138,14 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, Any]):
                     "the first reset, or the one after an error, must reset all environments; got the reset_mask "
                     f"{selected.tolist()}"
                 )
+        worlds.needs_reset = True  # until all of it has succeeded
         for w in np.flatnonzero(selected).tolist():
             given = seeds[w]
             if given is None and worlds.seeds[w] is None:
                 given = int(self.np_random.integers(2**31))
             worlds.begin(w, given, number)
+        if seed is not None:
+            worlds.forget_other_seeds()
         worlds.needs_reset = False
         self._is_over[selected] = False
         infos: dict[str, Any] = {}
@@ -176,7 +181,9 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, Any]):
             info = {"outcome": outcome.status, "reason": outcome.reason, "is_success": outcome.status == "goal"}
             if self._mode == AutoresetMode.SAME_STEP:
                 infos = self._add_info(infos, {"final_obs": self._observation(w), "final_info": info}, w)
+                worlds.needs_reset = True
                 worlds.begin(w)
+                worlds.needs_reset = False
                 info, self._is_over[w] = worlds.info(w), False
             infos = self._add_info(infos, info, w)
         is_terminated = (outcomes == GOAL) | (outcomes == CONTACT)
@@ -215,10 +222,14 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, Any]):
         self._require_open()
         if len(states) != self.num_envs:
             raise ValueError(f"there are {self.num_envs} environments, got {len(states)} states")
+        return self._restore(states, is_recorded=True)
+
+    def _restore(self, states: Sequence[Mapping[str, Any]], *, is_recorded: bool) -> Any:
+        """`restore`; episodes that are restored may be left out of the recordings."""
         checked = [checked_state(state, self.config) for state in states]
         worlds, worlds.needs_reset = self._worlds, True
         for w, state in enumerate(checked):
-            worlds.restore(w, state)
+            worlds.restore(w, state, is_recorded=is_recorded)
             self._is_over[w] = state.is_over
         self.np_random.bit_generator.state = json.loads(checked[0].np_random)
         worlds.needs_reset = False
@@ -235,7 +246,8 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, Any]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         states = None if self._worlds.needs_reset else self.get_states()
-        return _rebuilt, (self._arguments, states, self.spec)
+        attributes = {name: getattr(self, name) for name in ("spec", "closed", "action_space", "single_action_space")}
+        return _rebuilt, (self._arguments, states, attributes)
 
     def __deepcopy__(self, memo: Any) -> SocialNavVectorEnv:
         function, arguments = self.__reduce__()[:2]
@@ -279,6 +291,7 @@ class _Episodes(Worlds):
         episodes: number of episodes of a seed; None: any.
 
     Attributes:
+        episodes: of the constructor.
         seeds: of each world; None before its first episode.
     """
 
@@ -286,7 +299,7 @@ class _Episodes(Worlds):
         self, count: int, single: SocialNavEnv, reward: str | Reward, threads: int, record: str | Path | None,
         episodes: int | None,
     ) -> None:  # fmt: skip
-        self._config, self._episodes = single.config, episodes
+        self._config, self.episodes = single.config, episodes
         self.seeds: list[int | None] = [None] * count
         self._numbers = [-1] * count
         shape = single.action_space.shape
@@ -309,10 +322,17 @@ class _Episodes(Worlds):
             self._numbers[w] = number - 1
         self._begin(w)
 
-    def restore(self, w: int, state: EnvState) -> None:
+    def forget_other_seeds(self) -> None:
+        """Drop the worlds that are kept of earlier seeds."""
+        kept = set(self.seeds)
+        self._idle = {key: worlds for key, worlds in self._idle.items() if _seed_of(key) in kept}
+        self._idle_count = sum(map(len, self._idle.values()))
+
+    def restore(self, w: int, state: EnvState, *, is_recorded: bool = True) -> None:
         """Run the commands of a state again."""
         self.seeds[w], self._numbers[w] = state.seed, state.episode
         running = self._new((state.seed, state.episode))
+        running.is_recorded = is_recorded and not state.is_over
         self._place(w, running)
         for command in state.commands:
             running.commands.extend(command)
@@ -341,18 +361,14 @@ class _Episodes(Worlds):
 
     def _stop(self, w: int, reason: str) -> None:
         running = self._running[w]
-        if running is not None and running.commands and self._folder is not None and not self.is_over(w):
+        is_running = running is not None and running.commands and running.is_recorded and not self.is_over(w)
+        if running is not None and is_running and self._folder is not None:
             self._save(running, reason)
 
     def _draw(self, w: int) -> _Key:
-        key = self._following(w)
-        self._numbers[w] = key[1]
-        return key
-
-    def _following(self, w: int) -> _Key:
         seed, number = self.seeds[w], self._numbers[w] + 1
         assert seed is not None
-        return seed, number if self._episodes is None else number % self._episodes
+        return seed, number if self.episodes is None else number % self.episodes
 
     def _scene_of(self, key: Any) -> Scene:
         seed, number = key
@@ -369,6 +385,11 @@ class _Episodes(Worlds):
         self._numbers[w] = running.scene.episode
 
 
+def _seed_of(key: Any) -> int:
+    seed: int = key[0]
+    return seed
+
+
 def _in_range(name: str, value: Any) -> int:
     """A seed or number of an episode.
 
@@ -380,10 +401,12 @@ def _in_range(name: str, value: Any) -> int:
     return int(value)
 
 
-def _rebuilt(arguments: dict[str, Any], states: list[dict[str, Any]] | None, spec: Any) -> SocialNavVectorEnv:
-    """A copy of environments, which continues the episodes."""
+def _rebuilt(
+    arguments: dict[str, Any], states: list[dict[str, Any]] | None, attributes: dict[str, Any]
+) -> SocialNavVectorEnv:
+    """A copy of environments, which continues the episodes without recording them."""
     envs = SocialNavVectorEnv(**arguments)
-    envs.spec = spec
     if states is not None:
-        envs.restore(states)
+        envs._restore(states, is_recorded=False)
+    vars(envs).update(attributes)
     return envs

@@ -5,11 +5,9 @@ from __future__ import annotations
 import itertools
 import math
 import os
-import threading
-import weakref
 from array import array
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -56,25 +54,7 @@ from .rewards import REWARDS, BuiltIn, Reward, reward_of
 from .sight import Arrays, sight_of, write_observation
 
 _KEPT = 512  # worlds that are kept to begin again; one has some 0.3 MB
-_PREPARED = 64  # worlds that are made before they are needed
 STATUSES = {RUNNING: None, GOAL: "goal", CONTACT: "contact", TIMEOUT: "timeout"}
-
-
-_preparing = threading.Lock()  # held while a world is made in the background
-_live: weakref.WeakSet[Worlds] = weakref.WeakSet()
-
-
-def _forget_threads() -> None:
-    """In a forked process: it has a copy of all worlds, and none of their threads."""
-    _preparing.release()
-    for worlds in _live:
-        worlds._start_threads()
-
-
-if hasattr(os, "register_at_fork"):  # so that a process is not forked with locks that a thread in the background holds
-    os.register_at_fork(
-        before=_preparing.acquire, after_in_parent=_preparing.release, after_in_child=_forget_threads
-    )  # fmt: skip
 
 
 class WorldsStep(NamedTuple):
@@ -193,15 +173,9 @@ class Worlds:
         self._idle_count = 0
         self._repeats = True  # whether episodes come again
         self._keeps_commands = record is not None
-        self._start_threads()
-        _live.add(self)
+        self._pool: ThreadPoolExecutor | None = None
+        self._process = 0  # to which the threads belong
         self.needs_reset = True
-
-    def _start_threads(self) -> None:
-        """Start without prepared worlds; also in a forked process, which has none of the threads."""
-        self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
-        self._background = ThreadPoolExecutor(1)
-        self._prepared: dict[Hashable, Future[_Running]] = {}  # worlds that have not run
 
     def reset(self) -> Observation:
         """Begin an episode in each world; those that were running are dropped.
@@ -244,7 +218,8 @@ class Worlds:
         rewards = self._rewards(before, is_first)
         if self._folder is not None:
             for w in np.flatnonzero((self._outcome != RUNNING) & ~is_first).tolist():
-                self._save(self._at(w))
+                if self._at(w).is_recorded:
+                    self._save(self._at(w))
         self.needs_reset = False
         contacts = self._measured[:, WITH_HUMAN : WITH_WALL + 1] != 0.0
         return WorldsStep(self._arrays, rewards, self._outcome.copy(), contacts, is_first)
@@ -265,10 +240,10 @@ class Worlds:
         return running.world.snapshot()
 
     def close(self) -> None:
-        """End the threads."""
-        for pool in (self._pool, self._background):
-            if pool is not None:
-                pool.shutdown(cancel_futures=True)
+        """End the threads; a later step starts others."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
 
     def _at(self, w: int) -> _Running:
         running = self._running[w]
@@ -282,6 +257,7 @@ class Worlds:
         if values.shape != expected or values.dtype.kind not in "fiu":
             raise ValueError(f"actions are numbers of the shape {expected}, got {shown(actions)} of {values.shape}")
         values = values.astype(float)
+        values[self._outcome != RUNNING] = 0.0  # these are ignored
         if not np.isfinite(values).all():
             w = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
             raise ControllerError(f"actions are finite numbers, got {values[w].tolist()} for world {w}")
@@ -302,15 +278,22 @@ class Worlds:
                 self._finish(w, self._step(w, DONE))
             return
         arrays = self._addresses, self._commands, is_skipped, self._needs
-        if self._pool is None:
+        if threads == 1:
             waiting = step_members(*arrays, 0, count)
         else:
             bounds = [count * n // threads for n in range(threads + 1)]
-            parts = [self._pool.submit(step_members, *arrays, a, b) for a, b in itertools.pairwise(bounds)]
+            pool = self._threads_of_process()
+            parts = [pool.submit(step_members, *arrays, a, b) for a, b in itertools.pairwise(bounds)]
             waiting = sum(part.result() for part in parts)
         if waiting:
             for w in np.flatnonzero(self._needs).tolist():
                 self._finish(w, int(self._needs[w]))
+
+    def _threads_of_process(self) -> ThreadPoolExecutor:
+        """The threads, which a forked process does not inherit."""
+        if self._pool is None or self._process != os.getpid():
+            self._pool, self._process = ThreadPoolExecutor(self._threads), os.getpid()
+        return self._pool
 
     def _finish(self, w: int, need: int) -> None:
         """Give a world what it needs until its tick is over."""
@@ -330,35 +313,18 @@ class Worlds:
         self._next += 1
         return (self._next - 1) % len(self._scenes)
 
-    def _following(self, w: int) -> Hashable | None:
-        """The episode that `_draw` gives next; None: it need not be prepared."""
-        return self._next % len(self._scenes)
-
     def _scene_of(self, key: Any) -> Scene:
         """The scene of an episode of `_draw`."""
         scene: Scene = self._scenes[key]
         return scene
 
     def _begin(self, w: int) -> None:
-        """Begin the next episode in a world, and let the one after it be prepared."""
+        """Begin the next episode in a world."""
         before, key = self._running[w], self._draw(w)
+        self._place(w, self._again(key) or self._new(key))
         if before is not None and self._repeats and self._idle_count < _KEPT:
             self._idle.setdefault(before.key, []).append(before)
             self._idle_count += 1
-        running = self._again(key)
-        if running is None:
-            future = self._prepared.pop(key, None)
-            running = self._new(key) if future is None else future.result()
-        self._place(w, running)
-        following = self._following(w)
-        is_known = following is None or self._idle.get(following) or following in self._prepared
-        if not is_known and len(self._prepared) < _PREPARED:
-            self._prepared[following] = self._background.submit(self._prepare, following)
-
-    def _prepare(self, key: Hashable) -> _Running:
-        """Make a world, in the background."""
-        with _preparing:
-            return self._new(key)
 
     def _new(self, key: Hashable) -> _Running:
         return _Running(self._scene_of(key), key, self._encoder)
@@ -430,6 +396,7 @@ class _Running:
         self.world.keep()
         self.crowd.keep()
         self.commands = array("d")  # three for each tick
+        self.is_recorded = True
         sizes = encoder.sizes
         rows = Rows(*(np.full(n, -1) for n in (sizes.humans, sizes.objects, sizes.walls)))
         self._sight = sight_of(scene, rows, encoder.arrays, encoder.order == "nearest")
@@ -444,7 +411,7 @@ class _Running:
 
     def restart(self) -> bool:
         """Return to the start; False if this is not possible."""
-        self.commands = array("d")
+        self.commands, self.is_recorded = array("d"), True
         self.world.restart()
         return self.crowd.restart()
 

@@ -47,9 +47,11 @@ class Segment(NamedTuple):
         times = [round(n * dt, 4) for n in range(tick, tick + count)]
         return segment_of(frames.first)._replace(rows=frames.rows, times=times)
 
-    def last(self) -> Segment:
-        """The last state alone."""
-        return self._replace(rows=self.rows[-1:], tick=self.tick + len(self.rows) - 1, times=self.times[-1:])
+    def part(self, start: int, stop: int) -> Segment:
+        """Some of the states."""
+        events = () if start else self.events
+        rows, times = self.rows[start:stop], self.times[start:stop]
+        return self._replace(rows=rows, tick=self.tick + start, times=times, events=events)
 
 
 def segment_of(snapshot: Snapshot) -> Segment:

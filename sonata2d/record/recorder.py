@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from dataclasses import asdict
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import asdict, replace
 from itertools import chain, repeat
 from pathlib import Path
 from tempfile import SpooledTemporaryFile
@@ -20,6 +22,7 @@ from ..core.labels import LabelSpec
 from ..core.relations import ACTIVITIES
 from ..core.scene import Scene
 from ..core.snapshot import ControllerInfo, Frame, Frames, Outcome, Snapshot, Status
+from ..core.state import State
 from ..core.wording import counted
 from ..errors import RecordError
 from ..version import FORMAT, FORMAT_VERSION, PHYSICS_VERSION
@@ -33,7 +36,6 @@ from .record import EpisodeRecord
 from .validate import consistent_scene
 
 _SERIALISED_AT_ONCE = 256  # frames
-_SEPARATOR = b",\n"
 _IN_MEMORY = 1 << 24  # bytes of JSON, beyond which frames are kept in a file
 
 
@@ -83,7 +85,7 @@ class EpisodeRecorder:
         self._scene_json: JsonDict = {}
         self._controller_info = ControllerInfo("")
         self.outcome: Outcome | None = None
-        self._last: Snapshot | None = None
+        self._cut: Segment | None = None  # the state of a tick that cannot be recorded
         # States that are not serialised yet, and the answers to all of them but the final one.
         self._segments: list[Segment] = []
         self._answers: list[Answer] = []
@@ -112,37 +114,42 @@ class EpisodeRecorder:
         Raises:
             RecordError: JSON cannot represent the label.
         """
-        snapshot, label = frame.snapshot, frame.label
+        snapshot, label, command = frame.snapshot, frame.label, frame.command
         if label is not None:
             label = to_json_value(label, f"label at tick {snapshot.tick}")
-        self._add(segment_of(snapshot))
-        self._last, command = snapshot, frame.command
-        self._answers.append(((command.vx, command.vy, command.omega), label))
+        self._add(segment_of(snapshot), [((command.vx, command.vy, command.omega), label)])
 
     def on_frames(self, frames: Frames) -> None:
         """Record many ticks.
 
         Raises:
-            RecordError: JSON cannot represent a label, or a number of an earlier tick is not finite.
+            RecordError: JSON cannot represent a label, before which the recording ends, or a number of an earlier tick
+                is not finite.
         """
-        labels, tick = frames.labels or [None] * len(frames.rows), frames.first.tick
-        labels = [
-            None if label is None else to_json_value(label, f"label at tick {tick + n}")
-            for n, label in enumerate(labels)
-        ]
-        self._add(Segment.of(frames))
-        self._last = frames.first
-        self._answers += zip(frames.commands.tolist(), labels, strict=True)
+        segment, commands = Segment.of(frames), frames.commands.tolist()
+        labels = [None] * len(commands) if frames.labels is None else [*frames.labels]
+        for n, label in enumerate(labels):
+            try:
+                labels[n] = None if label is None else to_json_value(label, f"label at tick {segment.tick + n}")
+            except RecordError:
+                self._cut = segment.part(n, n + 1)
+                if n:
+                    self._add(segment.part(0, n), [*zip(commands[:n], labels[:n], strict=True)])
+                raise
+        self._add(segment, [*zip(commands, labels, strict=True)])
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:
         """End the episode with its final state."""
+        final = segment_of(last)
+        if self._cut is not None:  # later ticks are not recorded
+            final, outcome = self._cut, replace(outcome, tick=self._cut.tick, time=self._cut.times[0])
         self.outcome = outcome
         # the world did not move after a frame of the same tick: its command was not executed, and it is left out
-        if self._segments and (segment := self._segments[-1]).tick + len(segment.rows) - 1 == last.tick:
-            self._segments[-1:] = [segment._replace(rows=segment.rows[:-1])] if len(segment.rows) > 1 else []
+        if self._segments and (segment := self._segments[-1]).tick + len(segment.rows) - 1 == final.tick:
+            count = len(segment.rows) - 1
+            self._segments[-1:] = [segment.part(0, count)] if count else []
             self._answers.pop()
-        self._add(segment_of(last))
-        self._last = last
+        self._add(final, [])
 
     def document(self) -> bytes:
         """Return the content of the file: JSON, with each top-level key and each frame on a line of its own.
@@ -189,39 +196,62 @@ class EpisodeRecorder:
         """
         if self.scene is None:
             raise RecordError("the episode has not begun")
-        counts = self._pending_counts(self.scene)
+        counts = self._counts_of(self.scene, self._segments, self._answers)
         return merged_counts(self._counts, counts) if self._counts else counts
 
-    def _pending_counts(self, scene: Scene) -> JsonDict:
-        """Counts of the states and answers that are not serialised yet."""
-        commands = np.array([command for command, _ in self._answers], dtype=float)
-        segments = (segment for segment in self._segments if segment.contacts)
-        contacts = chain.from_iterable(repeat(segment.contacts, len(segment.rows)) for segment in segments)
+    @staticmethod
+    def _counts_of(scene: Scene, segments: Sequence[Segment], answers: Sequence[Answer]) -> JsonDict:
+        """Counts of some states and answers."""
+        commands = np.array([command for command, _ in answers], dtype=float)
+        touching = (segment for segment in segments if segment.contacts)
+        contacts = chain.from_iterable(repeat(segment.contacts, len(segment.rows)) for segment in touching)
         return run_counts(scene.robot, contacts, rounded(commands.reshape(-1, 3)))
 
-    def _add(self, segment: Segment) -> None:
-        if len(self._answers) >= _SERIALISED_AT_ONCE:
-            self._serialise(segment)
+    def _last_snapshot(self) -> Snapshot:
+        """The last state that was recorded."""
+        assert self.scene is not None
+        last = self._segments[-1]
+        state = State(last.rows[-1], last.activity, last.is_present)
+        tick = last.tick + len(last.rows) - 1
+        return Snapshot.of_state(tick, self.scene, state, last.interactions, last.contacts, last.events)
+
+    def _add(self, segment: Segment, answers: list[Answer]) -> None:
+        """Add states and the answers to them."""
         if segment.is_present is not None:
             self._has_been_present |= segment.is_present
         elif not self._is_complete:
             self._has_been_present[:] = self._is_complete = True
         self._segments.append(segment)
+        self._answers += answers
+        if len(self._answers) - len(answers) >= _SERIALISED_AT_ONCE:
+            self._serialise(len(answers))
 
-    def _serialise(self, following: Segment) -> None:
-        """Serialise the frames so far; the first state of the following segment says what the last one executed."""
+    def _serialise(self, left: int) -> None:
+        """Serialise the frames but for those of the last segment, whose first state tells what was executed last.
+
+        Args:
+            left: number of answers that belong to the last segment.
+
+        Raises:
+            RecordError: a number is not finite, or the temporary file cannot be written; all frames stay in memory.
+        """
         assert self.scene is not None
-        segments = [*self._segments, following._replace(rows=following.rows[:1], times=following.times[:1])]
-        lines, _ = frame_lines(segments, self._answers, self.scene.human_table.id.tolist())
-        frames = [_SEPARATOR + line for line in lines]
-        self._counts, self._count = self.counts(), self._count + len(frames)
-        self._segments, self._answers = [], []
+        count, last = len(self._answers) - left, self._segments[-1]
+        segments, answers = [*self._segments[:-1], last.part(0, 1)], self._answers[:count]
+        lines, _ = frame_lines(segments, answers, self.scene.human_table.id.tolist())
+        counts = self._counts_of(self.scene, self._segments[:-1], answers)
         if self._frames is None:
             self._frames = SpooledTemporaryFile(_IN_MEMORY)  # noqa: SIM115  # it lives as long as the recorder
             finalize(self, self._frames.close)
-            frames[0] = frames[0].removeprefix(_SEPARATOR)
-        self._frames.seek(0, os.SEEK_END)
-        self._frames.write(b"".join(frames))
+        size = self._frames.seek(0, os.SEEK_END)
+        try:
+            self._frames.write((b",\n" if size else b"") + b",\n".join(lines))
+        except OSError as error:
+            with suppress(OSError):
+                self._frames.truncate(size)
+            raise RecordError(f"frames cannot be kept in a temporary file: {error.strerror or error}") from error
+        self._counts = merged_counts(self._counts, counts) if self._counts else counts
+        self._count, self._segments, self._answers = self._count + count, [last], self._answers[count:]
 
     def _header(self, scene: Scene, outcome: Outcome) -> JsonDict:
         """Return the keys before the frames, in the file's order."""
@@ -314,13 +344,14 @@ class JsonRecorder(EpisodeRecorder):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Write the frames of an episode that has not ended, with the outcome stopped or error."""
-        if self.outcome is None and self._last is not None:
+        if self.outcome is None and self._segments:
             status: Status = "stopped"
             reason = "recording was left before the episode ended"
             if error is not None:
                 status, reason = "error", f"{type(error).__name__}: {error}"
             try:
-                self.close(self._last, Outcome(status, reason, self._last.tick, self._last.time))
+                last = self._last_snapshot()
+                self.close(last, Outcome(status, reason, last.tick, last.time))
             except RecordError as failure:
                 if error is None:
                     raise

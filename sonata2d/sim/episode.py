@@ -17,7 +17,7 @@ from ..core.files import interruption
 from ..core.geometry import Twist, quantised
 from ..core.humans import X, Y
 from ..core.scene import Scene
-from ..core.snapshot import ControllerInfo, Frame, Observer, Outcome, Snapshot, Status
+from ..core.snapshot import ControllerInfo, Frame, Frames, Observer, Outcome, Snapshot, Status
 from ..core.wording import counted, described, shown, text_of
 from ..errors import ControllerError, Sonata2dError
 from ..registry import did_you_mean
@@ -138,35 +138,58 @@ class Episode(Drawable):
     def _compiled_run(self) -> CompiledRun | None:
         """The episode under its controller without the interpreter; None if the controller or an observer needs it."""
         controller = self.controller
-        parts = controller.compiled if isinstance(controller, KernelController) and self._may_skip else None
+        is_compiled = isinstance(controller, KernelController) and self._may_skip
+        parts = controller.compiled(self.scene) if is_compiled else None  # type: ignore[attr-defined]
         return CompiledRun(self._world, self._crowd, *parts) if parts else None
 
     @property
     def _may_skip(self) -> bool:
         """Whether people and observers do without the interpreter in some ticks."""
-        return self._crowd.is_compiled and all(hasattr(observer, "on_frames") for observer in self.observers)
+        is_plain = type(self).step is Episode.step and self._crowd.is_compiled
+        return is_plain and all(map(_takes_many_frames, self.observers))
 
     def _run_frames(self, run: CompiledRun, limit: int | None = None) -> bool:
         """Run some ticks at once; False if there were none, and `step` is needed."""
         snapshot = self._observe_unless_over(())
         if snapshot is None:
             return True
-        frames = run.frames(snapshot, limit)
-        if not len(frames.rows):
+        if snapshot.events:
             return False
-        if len(self.past) < len(self._script):
-            labels = self._script.labels(len(self.past), len(self.past) + len(frames.rows))
-            frames = frames._replace(labels=labels)
-        self._observed = None
-        self.past.extend(frames.commands, frames.labels)
-        try:
-            for observer in self.observers:
-                observer.on_frames(frames)  # type: ignore[attr-defined]
-        except BaseException as error:
-            interruption.reraise(error)
-            self._close_after(error, self.snapshot())
-            raise
+        with interruption.held_back():
+            frames = run.frames(snapshot, limit)
+            is_replay = len(self.past) < len(self._script)
+            if not len(frames.rows):
+                if run.refused is not None and not is_replay:
+                    self._refuse(run.refused, snapshot)
+                return False
+            if is_replay:
+                labels = self._script.labels(len(self.past), len(self.past) + len(frames.rows))
+                frames = frames._replace(labels=labels)
+            self._observed = None
+            self.past.extend(frames.commands, frames.labels)
+            self._deliver(frames)
         return True
+
+    def _refuse(self, command: Twist, snapshot: Snapshot) -> None:
+        """End the episode because the controller gave a command that no file can hold."""
+        try:
+            checked_twist(command, type(self.controller))
+        except ControllerError as error:
+            self._close_after(error, snapshot)
+            raise
+
+    def _deliver(self, frames: Frames) -> None:
+        """Send frames to all observers; the first error of one ends the episode."""
+        errors: list[BaseException] = []
+        for observer in self.observers:
+            try:
+                observer.on_frames(frames)  # type: ignore[attr-defined]
+            except BaseException as error:  # the others get them all the same: the world has moved
+                errors.append(error)
+        for first in errors[:1]:
+            interruption.reraise(first)
+            self._close_after(first, self.snapshot())
+            raise first
 
     def step(self, events: Sequence[DeviceEvent] = ()) -> Frame | None:
         """Run one tick: `observe`, ask the controller, `apply` its command.
@@ -385,6 +408,14 @@ class Episode(Drawable):
         self.outcome = outcome
         for observer in self.observers:
             observer.close(snapshot, outcome)
+
+
+def _takes_many_frames(observer: Observer) -> bool:
+    """Whether an observer has a method `on_frames` that belongs to its `on_frame`, and not to a base class only."""
+    if "on_frame" in vars(observer):
+        return False
+    owner = next((kind for kind in type(observer).__mro__ if {"on_frame", "on_frames"} & vars(kind).keys()), None)
+    return owner is not None and "on_frames" in vars(owner)
 
 
 @drawing_of.register

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, overload
 
 import numpy as np
@@ -32,6 +32,8 @@ class TickInput:
 class Inputs(Sequence[TickInput]):
     """The inputs of consecutive ticks: 24 bytes a tick, where it has neither a label nor events.
 
+    Commands are rounded to the precision of files.
+
     Args:
         inputs: of the first ticks.
     """
@@ -44,10 +46,11 @@ class Inputs(Sequence[TickInput]):
 
     def append(self, tick_input: TickInput) -> None:
         """Add the input of the next tick."""
-        command = tick_input.command
+        command = np.array((tick_input.command.vx, tick_input.command.vy, tick_input.command.omega), dtype=float)
+        vx, vy, omega = (np.rint(command * 10_000.0) / 10_000.0 + 0.0).tolist()  # as `geometry.quantised`
         if tick_input.label is not None or tick_input.events:
-            self._others[len(self)] = tick_input
-        self._numbers.extend((command.vx, command.vy, command.omega))
+            self._others[len(self)] = replace(tick_input, command=Twist(vx, vy, omega))
+        self._numbers.extend((vx, vy, omega))
 
     def extend(self, commands: Array, labels: Sequence[Any] | None = None) -> None:
         """Add the inputs of the next ticks, which have no events.

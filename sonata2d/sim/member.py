@@ -11,6 +11,7 @@ from ..agents.pedestrians.crowd import Crowd
 from ..core.at_goal import goal_row
 from ..core.compiled.kernel import kernel
 from ..core.compiled.packing import Floats2, Packed, unpack
+from ..core.geometry import Twist
 from ..core.portable_math import Array, BoolArray, IntArray
 from ..core.snapshot import Frames, Snapshot
 from .kernel.batch import MEASURED_SIZE, NO_COMMAND, OVER, Member, run_member
@@ -74,12 +75,16 @@ class CompiledRun:
     Args:
         world, crowd: of the episode, with a pedestrian model that is a kernel.
         address, memory: of the controller, see `KernelController`.
+
+    Attributes:
+        refused: the last command, if no file can hold it.
     """
 
     def __init__(self, world: World, crowd: Crowd, address: IntArray, memory: Packed[Any]) -> None:
         self._world, self._crowd, self._address, self._memory = world, crowd, address, memory
         self._member = member_of(world, crowd, np.zeros(1, dtype=np.int64), np.zeros(MEASURED_SIZE))
         length = min(_BLOCK, max(_BLOCK_SIZE // len(world.row), 8))
+        self.refused: Twist | None = None
         self._rows, self._commands = np.empty((length, len(world.row))), np.empty((length, 3))
 
     @classmethod
@@ -95,9 +100,10 @@ class CompiledRun:
             limit: maximum number of ticks.
 
         Returns:
-            Their frames; none if the controller's command cannot be recorded, or the episode ends here.
+            Their frames; none if the controller's command cannot be recorded, which is then `refused`.
         """
         member, need, company = self._member.value, DONE, self._crowd.state.company
+        member.clock[0] = self._world.tick  # which may have moved by single ticks in between
         count = np.array([0, company.version[0]])
         arrays = self._address, self._memory.argument, self._rows[:limit], self._commands, count
         while True:
@@ -111,7 +117,9 @@ class CompiledRun:
             else:
                 break
         assert need in (DONE, NO_COMMAND, OVER)
-        self._world.note(int(member.clock[0]), self._crowd)
+        self.refused = Twist(*self._commands[count[0]].tolist()) if need == NO_COMMAND else None
+        if count[0]:
+            self._world.note(int(member.clock[0]), self._crowd)
         rows = self._rows[: count[0]].copy()
         rows.flags.writeable = False
         return Frames(first, rows, self._commands[: count[0]].copy())

@@ -74,12 +74,21 @@ def test_a_named_tuple_with_other_fields_is_refused(other: Any) -> None:
         {"values": np.zeros((3, 1))},
         {"table": np.zeros((2, 3)).T},
         {"table": np.zeros((3, 4))[:, ::2]},
+        {"values": [1.0, 2.0]},
+        {"values": None},
     ],
-    ids=["type", "dimensions", "order", "stride"],
+    ids=["type", "dimensions", "order", "stride", "list", "none"],
 )
 def test_an_array_that_a_kernel_would_misread_is_refused(changes: dict[str, Any]) -> None:
     with pytest.raises(TypeError, match=r"Part\.\w+ must be a contiguous array of float64"):
         pack(whole(**changes))
+
+
+@compiled_only
+@pytest.mark.parametrize(("first", "third"), [("1.0", True), (1.0, 0.5), (1.0, "no")])
+def test_a_number_of_another_kind_is_refused(first: Any, third: Any) -> None:
+    with pytest.raises(TypeError, match="Numbers must have a .*number in place of"):
+        pack(Numbers(first, 1.0, third, np.zeros((1, 2))))
 
 
 class Numbers(NamedTuple):

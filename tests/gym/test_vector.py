@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode
 
 import sonata2d as s2
 import sonata2d.gym as s2g
-from sonata2d.errors import ControllerError, RecordError
+from sonata2d.errors import ControllerError, RecordError, SceneError
 from tests.gym.samples import SHORT, equal
 
 STILL = np.zeros((2, 3), dtype=np.float32)
@@ -281,3 +281,76 @@ def test_bad_arguments_are_named() -> None:
         envs.step(np.zeros((1, 3)))
     with pytest.raises(ValueError, match="reset_mask"):
         envs.reset(options={"reset_mask": np.array([True])})
+
+
+def test_a_reset_that_failed_needs_another_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    envs = s2g.SocialNavVectorEnv(2, "lively", settings=SHORT)
+    envs.reset(seed=5)
+
+    def fail(key: Any) -> Any:
+        raise SceneError("no free spot")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(envs._worlds, "_scene_of", fail)
+        with pytest.raises(SceneError):
+            envs.reset(seed=50)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        envs.step(STILL)
+    assert envs.reset(seed=50)[1]["episode_number"].tolist() == [0, 0]
+
+
+def test_an_interrupted_reset_leaves_each_world_its_own_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    envs = s2g.SocialNavVectorEnv(2, "lively", settings={"rules": {"time_limit": 0.5}}, episodes=2)
+    envs.reset(seed=5)
+
+    def interrupt(key: Any) -> Any:
+        raise KeyboardInterrupt
+
+    for _ in range(5):
+        envs.step(STILL)  # up to the end of the episodes
+    with monkeypatch.context() as patch:
+        patch.setattr(envs._worlds, "_new", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            envs.step(STILL)
+    envs.reset()
+    for _ in range(30):
+        envs.step(STILL)
+        first, second = envs._worlds._running
+        assert first is not second
+
+
+def test_a_copy_continues_without_recording(tmp_path: Path) -> None:
+    envs = s2g.SocialNavVectorEnv(2, "empty", settings=SHORT, record=tmp_path)
+    envs.reset(seed=5)
+    envs.step(STILL)
+    copied = copy.deepcopy(envs)
+    copied.step(STILL)
+    copied.close()
+    assert not list(tmp_path.glob("*.json"))
+    envs.close()
+    assert len(list(tmp_path.glob("*.json"))) == 2
+
+
+def test_worlds_of_earlier_seeds_are_not_kept() -> None:
+    envs = s2g.SocialNavVectorEnv(2, "empty", settings={"rules": {"time_limit": 0.3}}, episodes=1)
+    for seed in (5, 50, 500):
+        envs.reset(seed=seed)
+        for _ in range(9):
+            envs.step(STILL)
+        assert {key[0] for key in envs._worlds._idle} <= {seed, seed + 1}
+    assert envs._worlds._idle_count == sum(map(len, envs._worlds._idle.values())) > 0
+
+
+def test_an_action_that_is_ignored_may_hold_anything() -> None:
+    envs = s2g.SocialNavVectorEnv(2, "empty", settings={"rules": {"time_limit": 0.1}})
+    envs.reset(seed=5)
+    assert envs.step(STILL)[3].all()
+    assert envs.step(np.full((2, 3), np.nan))[1].tolist() == [0.0, 0.0]
+    with pytest.raises(ControllerError, match="finite"):
+        envs.step(np.full((2, 3), np.nan))
+
+
+def test_a_number_beyond_the_episodes_is_refused() -> None:
+    envs = s2g.SocialNavVectorEnv(2, "empty", episodes=4)
+    with pytest.raises(ValueError, match="is below 4"):
+        envs.reset(seed=5, options={"episode": 4})

@@ -196,36 +196,22 @@ def test_all_parts_of_floats_are_one_array_that_shares_their_memory() -> None:
         worlds.step(np.ones((4, worlds.action_size)))
 
 
-def test_worlds_are_made_before_they_are_needed() -> None:
-    """The episode after one that has begun is prepared in another thread, with the same bits."""
-    made = scenes(6)
-    worlds = Worlds(made, 2)
-    worlds.reset()
-    assert set(worlds._prepared) == {2}
-    assert worlds._prepared[2].result().scene is made[2]
-    for _ in range(200):
-        worlds.step(np.zeros((2, worlds.action_size)))
-    assert worlds._prepared == {}  # every scene has had its turn
-    worlds.close()
-
-
 def _step_in_a_process(worlds: Worlds) -> None:
     for _ in range(120):
         worlds.step(np.zeros((2, worlds.action_size)))
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
-def test_a_process_can_be_forked_while_worlds_are_prepared() -> None:
-    """A lock that the thread in the background holds would stay locked in the new process."""
-    worlds = Worlds(scenes(40), 2, threads=2)
+def test_a_forked_process_steps_with_threads_of_its_own() -> None:
+    worlds = Worlds(scenes(8), 2, threads=2)
     worlds.reset()
-    for _ in range(8):
-        worlds._begin(0)  # lets the next one be prepared
-        process = multiprocessing.get_context("fork").Process(target=_step_in_a_process, args=(worlds,))
-        process.start()
-        process.join(60)
-        is_over = process.exitcode is not None
-        process.kill()
-        assert is_over
-        assert process.exitcode == 0
+    worlds.step(np.zeros((2, worlds.action_size)))
+    process = multiprocessing.get_context("fork").Process(target=_step_in_a_process, args=(worlds,))
+    process.start()
+    process.join(60)
+    is_over = process.exitcode is not None
+    process.kill()
+    assert is_over
+    assert process.exitcode == 0
     worlds.close()
+    worlds.step(np.zeros((2, worlds.action_size)))

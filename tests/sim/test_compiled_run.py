@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -12,6 +14,7 @@ import sonata2d as s2
 from sonata2d.agents.controllers.compiled import KernelController
 from sonata2d.core.compiled.kernel import kernel
 from sonata2d.core.compiled.packing import Floats, unpack
+from sonata2d.core.devices import DeviceEvent
 from sonata2d.core.geometry import Twist
 from sonata2d.core.portable_math import Array, BoolArray
 from sonata2d.core.scene import Scene
@@ -21,7 +24,9 @@ from sonata2d.record import recorder as recorder_module
 from sonata2d.record.files import compressed
 from sonata2d.record.recorder import EpisodeRecorder
 from sonata2d.scenegen.scenario.load import preset_names
+from sonata2d.sim import member
 from sonata2d.sim.inputs import Inputs, TickInput
+from sonata2d.sim.kernel.batch import run_member
 
 
 class Counting(EpisodeRecorder):
@@ -233,7 +238,7 @@ def test_compressed_bytes_do_not_depend_on_the_parts(suffix: str, tmp_path: Any)
 
 
 def test_inputs_are_a_sequence() -> None:
-    inputs = [TickInput(Twist(0.1 * n, 0.0, -0.5), {"n": n} if n % 3 == 0 else None) for n in range(8)]
+    inputs = [TickInput(Twist(n / 8, 0.0, -0.5), {"n": n} if n % 3 == 0 else None) for n in range(8)]
     past = Inputs(inputs)
     assert [*past] == inputs
     assert past == inputs
@@ -242,6 +247,143 @@ def test_inputs_are_a_sequence() -> None:
     assert past != inputs[:-1]
     with pytest.raises(IndexError):
         past[8]
+    assert Inputs([TickInput(Twist(0.33333333, -0.00001))])[0].command == Twist(0.3333, 0.0)  # as in files
     longer = Inputs(past)
     longer.extend(np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]), [None, "b"])
     assert [*longer][8:] == [TickInput(Twist(1.0, 2.0, 3.0)), TickInput(Twist(4.0, 5.0, 6.0), "b")]
+
+
+def test_a_recording_that_is_left_early_has_the_frames_so_far(tmp_path: Any) -> None:
+    scene, path = s2.generate("empty", seed=3), tmp_path / "early.json"
+    with s2.JsonRecorder(path) as recorder:
+        s2.Episode(scene, past=[TickInput(Twist(0.3))] * 40, observers=[recorder]).replay_past()
+    record = s2.read_episode(path)
+    assert (len(record), record.outcome.status, record.outcome.tick) == (39, "stopped", 39)
+    by_tick = tmp_path / "by-tick.json"
+    with s2.JsonRecorder(by_tick, id="early") as recorder:
+        episode = s2.Episode(scene, past=[TickInput(Twist(0.3))] * 40, observers=[recorder])
+        for _ in range(40):
+            episode.step()
+    assert by_tick.read_bytes() == path.read_bytes()
+
+
+def test_an_interruption_takes_effect_between_blocks(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = s2.generate("lively", seed=3)
+    whole = EpisodeRecorder()
+    s2.Episode(scene, s2.StraightToGoal(), observers=[whole]).run()
+    calls, path = 0, tmp_path / "stopped.json"
+
+    def interrupted(*arguments: Any) -> int:
+        nonlocal calls
+        need = run_member(*arguments)
+        calls += 1
+        if calls == 3:
+            os.kill(os.getpid(), signal.SIGINT)
+        return need
+
+    monkeypatch.setattr(member, "run_member", interrupted)
+    recorder = s2.JsonRecorder(path)
+    episode = s2.Episode(scene, s2.StraightToGoal(), observers=[recorder])
+    with pytest.raises(KeyboardInterrupt), recorder:
+        episode.run()
+    record = s2.read_episode(path)
+    assert len(record) == len(episode.past) - 1
+    expected = orjson.loads(whole.document())["frames"][: len(record)]
+    assert record.document["frames"] == expected
+
+
+def test_an_error_of_an_observer_keeps_the_frames_of_the_others() -> None:
+    class Failing(EpisodeRecorder):
+        def on_frames(self, frames: Frames) -> None:
+            raise OSError("no space")
+
+    recorder = EpisodeRecorder()
+    episode = s2.Episode(s2.generate("lively", seed=3), s2.StraightToGoal(), observers=[Failing(), recorder])
+    with pytest.raises(OSError, match="no space"):
+        episode.run()
+    record = recorder.record()
+    assert record.outcome.status == "error"
+    assert len(record) == record.outcome.tick == len(episode.past) > 0
+
+
+def test_a_label_that_no_file_can_hold_ends_the_recording_before_it() -> None:
+    past = [TickInput(Twist(0.3), object() if n == 20 else {"n": n}) for n in range(41)]
+    recorder = EpisodeRecorder()
+    episode = s2.Episode(s2.generate("empty", seed=3), past=past, observers=[recorder])
+    with pytest.raises(RecordError, match="label at tick 20"):
+        episode.replay_past()
+    record = recorder.record()
+    assert (len(record), record.outcome.tick, record.labels[-1]) == (20, 20, {"n": 19})
+
+
+def test_a_subclass_that_overrides_on_frame_gets_every_frame() -> None:
+    class Counted(EpisodeRecorder):
+        frames = 0
+
+        def on_frame(self, frame: Frame) -> None:
+            self.frames += 1
+            super().on_frame(frame)
+
+    recorder = Counted()
+    outcome = s2.Episode(s2.generate("empty", seed=3), s2.StraightToGoal(), observers=[recorder]).run()
+    assert recorder.frames == outcome.tick
+
+    class Slow(s2.Episode):
+        steps = 0
+
+        def step(self, events: Any = ()) -> Any:
+            self.steps += 1
+            return super().step(events)
+
+    slow = Slow(s2.generate("empty", seed=3), s2.StraightToGoal())
+    assert slow.run().tick == slow.steps - 1
+    controller = s2.StraightToGoal()
+    controller.act = lambda snapshot: Twist(0.01)  # type: ignore[method-assign]
+    episode = s2.Episode(s2.generate("empty", seed=3), controller)
+    episode.run()
+    assert episode.past[0].command == Twist(0.01)
+
+
+def test_a_past_that_begins_with_a_command_beyond_files_is_replayed_as_tick_by_tick() -> None:
+    past = [TickInput(Twist(1e300, 0.0, 0.1))] + [TickInput(Twist(0.1))] * 10
+    scene = s2.generate("empty", seed=3)
+    at_once, by_tick = (s2.Episode(scene, past=past) for _ in range(2))
+    at_once.replay_past()
+    for _ in past:
+        by_tick.step()
+    assert at_once.snapshot().tick == 11
+    assert at_once.snapshot().state.row.tobytes() == by_tick.snapshot().state.row.tobytes()
+
+
+def test_events_before_a_run_are_kept() -> None:
+    event = DeviceEvent("gamepad", "a", 1.0)
+    episode = s2.Episode(s2.generate("empty", seed=3), s2.StraightToGoal())
+    episode.observe([event])
+    episode.run()
+    assert episode.past[0].events == (event,)
+
+
+def test_a_temporary_file_that_cannot_be_written_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, whole, recorder = s2.generate("lively", seed=1), EpisodeRecorder(), EpisodeRecorder()
+    s2.Episode(scene, s2.StraightToGoal(), observers=[whole]).run()
+    monkeypatch.setattr(recorder_module, "_SERIALISED_AT_ONCE", 10)
+    episode = s2.Episode(scene, s2.StraightToGoal(), observers=[recorder])
+    for _ in range(15):
+        episode.step()
+    assert recorder._frames is not None
+
+    def full(data: bytes) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(recorder._frames, "write", full)
+    with pytest.raises(RecordError, match="temporary file: No space left on device"):
+        episode.run()
+    frames = orjson.loads(recorder.document())["frames"]
+    assert len(frames) >= 19
+    assert frames == orjson.loads(whole.document())["frames"][: len(frames)]
+
+
+def test_a_compiled_controller_acts_on_snapshots_without_reset() -> None:
+    snapshot = s2.Episode(s2.generate("empty", seed=3)).observe()
+    assert s2.StraightToGoal().act(snapshot) != Twist()
+    assert s2.SocialPlanner().act(snapshot) != Twist()

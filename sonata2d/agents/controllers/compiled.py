@@ -21,13 +21,14 @@ from .base import Controller
 class KernelController(Controller):
     """Base class of controllers that are kernels: `Episode.run` calls them without the interpreter.
 
-    Subclasses set `kernel` and define `memory`. In `Episode.step`, and where a subclass overrides `act` or `label` or
-    requests images, `act` calls the same kernel, with the same bits.
+    Subclasses set `kernel` and define `memory`, which reads the settings when an episode begins: attributes that change
+    later have no effect. In `Episode.step`, and where a subclass overrides `act` or `label` or requests images, `act`
+    calls the same kernel, with the same bits.
 
     Attributes:
         kernel: a function with the decorator `kernel`. Its arguments are the packed memory, the number of the tick, the
             robot (13,) and the humans of the scene (N, 9), in the columns of `State.row`, whether each human is present
-            (N,), and the command (3,), which it writes: vx, vy (m/s), omega (rad/s), body frame.
+            (N,), and the command (3,), all of which it writes: vx, vy (m/s), omega (rad/s), body frame.
     """
 
     kernel: Callable[..., None]
@@ -37,26 +38,37 @@ class KernelController(Controller):
         """The knowledge of the kernel, and what it remembers in an episode: a named tuple, see `packing.pack`."""
 
     def reset(self, scene: Scene) -> None:
-        self._memory: Packed[Any] = Packed(self.memory(scene))
+        self._scene, self._memory = scene, Packed[Any](self.memory(scene))
 
     def act(self, snapshot: Snapshot) -> Twist:
         state, command = snapshot.state, np.empty(3)
         row = state.row.copy()  # kernels take writeable arrays
         is_present = np.ones(len(state.activity), dtype=bool) if state.is_present is None else state.is_present.copy()
-        humans = row[ROBOT_SIZE:].reshape(-1, HUMAN_SIZE)
-        self._kernel(self._memory.argument, snapshot.tick, row[:ROBOT_SIZE], humans, is_present, command)
+        humans, memory = row[ROBOT_SIZE:].reshape(-1, HUMAN_SIZE), self._memory_for(snapshot.scene)
+        self._kernel(memory.argument, snapshot.tick, row[:ROBOT_SIZE], humans, is_present, command)
         return Twist(*command.tolist())
 
     @property
     def _kernel(self) -> Any:
         return type(self).kernel  # not as a method
 
-    @property
-    def compiled(self) -> tuple[IntArray, Packed[Any]] | None:
-        """The address of the kernel and the memory; None if an overridden method or images need the interpreter."""
-        kind = type(self)
+    def _memory_for(self, scene: Scene) -> Packed[Any]:
+        """The memory of the episode; made now if a subclass has a `reset` of its own, or there was none."""
+        if getattr(self, "_scene", None) is not scene:
+            KernelController.reset(self, scene)
+        return self._memory
+
+    def compiled(self, scene: Scene) -> tuple[IntArray, Packed[Any]] | None:
+        """The address of the kernel and the memory; None if an overridden method or images need the interpreter.
+
+        Args:
+            scene: of the episode, for which the controller was reset.
+        """
+        kind, own = type(self), vars(self)
         is_plain = kind.act is KernelController.act and kind.label is Controller.label and self.image is None
-        return (controller_address(self._kernel), self._memory) if is_plain else None
+        if not is_plain or "act" in own or "label" in own:
+            return None
+        return controller_address(self._kernel), self._memory_for(scene)
 
 
 def controller_address(kernel: Any) -> IntArray:

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Set
 from contextlib import suppress
 from functools import cache
 from itertools import count
+from operator import index
 from typing import Annotated, Any, Generic, NamedTuple, NoReturn, TypeVar, get_args, get_origin, get_type_hints
 
 import cffi
@@ -159,16 +160,28 @@ def pack(value: T) -> Any:
     words = np.empty(plan.size, dtype=np.int64)
     words[0] = _layout_id(kind)
     for place, position, is_float in plan.numbers:
-        words[position] = _WORD.unpack(_FLOAT.pack(items[place]))[0] if is_float else int(items[place])
+        try:
+            words[position] = _WORD.unpack(_FLOAT.pack(items[place]))[0] if is_float else _whole(items[place])
+        except (TypeError, struct.error):
+            expected = "a number" if is_float else "a whole number"
+            raise TypeError(f"{kind.__name__} must have {expected} in place of {items[place]!r:.50}") from None
     arrays = [items[place] for place in plan.arrays]
     try:
-        if [(array.dtype, array.ndim) for array in arrays] != plan.kinds:
+        if not all(map(_is_array, arrays)) or [(array.dtype, array.ndim) for array in arrays] != plan.kinds:
             raise ValueError
         words[plan.addresses] = [int(_FFI.cast(_ADDRESS, _FFI.from_buffer(array))) for array in arrays]
     except ValueError:  # also of an array that is not contiguous
         _refuse(value)
     words[plan.shapes] = [length for array in arrays for length in array.shape]
     return words
+
+
+def _is_array(item: Any) -> bool:
+    return isinstance(item, np.ndarray)
+
+
+def _whole(item: Any) -> int:
+    return int(item) if isinstance(item, bool | np.bool_) else index(item)
 
 
 class _Plan(NamedTuple):
@@ -233,9 +246,12 @@ def _refuse(value: Any) -> NoReturn:
         if dimensions < 0:
             with suppress(_Usable):
                 _refuse(item)
-        elif dimensions and not (item.dtype == dtype and item.ndim == dimensions and item.flags.c_contiguous):
-            expected = f"a contiguous array of {np.dtype(dtype)} with {dimensions} dimensions"
-            raise TypeError(f"{type(value).__name__}.{name} must be {expected}, got {item.dtype} {item.shape}")
+        elif dimensions:
+            is_array = _is_array(item)
+            if not (is_array and item.dtype == dtype and item.ndim == dimensions and item.flags.c_contiguous):
+                expected = f"a contiguous array of {np.dtype(dtype)} with {dimensions} dimensions"
+                got = f"{item.dtype} {item.shape}" if is_array else f"{item!r:.50}"
+                raise TypeError(f"{type(value).__name__}.{name} must be {expected}, got {got}")
     raise _Usable
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -155,3 +156,23 @@ def _opening(stream: Any) -> Callable[[], TextIO] | None:
     if number not in (1, 2):
         return None
     return partial(open, number, "w", encoding=stream.encoding, errors=stream.errors, closefd=False)
+
+
+@contextmanager
+def held_back() -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM take effect after the block, which takes milliseconds and must not be left half done."""
+    if threading.current_thread() is not threading.main_thread():  # another one gets no signals
+        yield
+        return
+    received: list[tuple[int, Any]] = []
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    kept = {number: handler for number, handler in handlers.items() if callable(handler)}
+    for number in kept:
+        signal.signal(number, lambda *arguments: received.append(arguments))
+    try:
+        yield
+    finally:
+        for number, handler in kept.items():
+            signal.signal(number, handler)
+        for arguments in received[:1]:
+            kept[signal.Signals(arguments[0])](*arguments)
