@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 
 import pymunk
 from pymunk._chipmunk_cffi import lib
@@ -45,12 +46,7 @@ class Bodies:
 
     def new_space(self) -> tuple[pymunk.Space, list[pymunk.Body]]:
         """A space with everything where it starts; and its bodies, those of the pedestrians and the robot's."""
-        old, shapes = self._space._space, [*self._static, *self._moving]
-        if lib.cpShapeGetSpace(shapes[-1]._shape) == old:
-            for shape in shapes:
-                lib.cpSpaceRemoveShape(old, shape._shape)
-            for body in self._bodies:
-                lib.cpSpaceRemoveBody(old, body._body)
+        self._leave_space()
         for body, (position, velocity) in zip(self._bodies, self._start, strict=True):
             body.position, body.velocity, body.force = position, velocity, (0.0, 0.0)
         for torso, shoulder in zip(self.torsos, self._shoulders, strict=True):
@@ -68,6 +64,21 @@ class Bodies:
         for shape in self._moving:
             lib.cpSpaceAddShape(space._space, shape._shape)
         return space, self._bodies
+
+    def _leave_space(self) -> None:
+        """Take everything out of the space."""
+        space, shapes = self._space._space, [*self._static, *self._moving]
+        if lib.cpShapeGetSpace(shapes[-1]._shape) == space:
+            for shape in shapes:
+                lib.cpSpaceRemoveShape(space, shape._shape)
+            for body in self._bodies:
+                lib.cpSpaceRemoveBody(space, body._body)
+
+    def __del__(self) -> None:
+        # pymunk frees a space in the thread that drops it, and shapes where the collector of garbage runs, which may be
+        # another thread at the same time: both would take the shapes out of the space.
+        with suppress(Exception):  # of a constructor that failed, or at the end of the interpreter
+            self._leave_space()
 
     def set_seat(self, k: int, seat: int) -> None:
         """Let pedestrian k collide with all seats but one, an index of `Scene.furniture`, or with all of them, -1."""

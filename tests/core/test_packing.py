@@ -87,7 +87,7 @@ def test_an_array_that_a_kernel_would_misread_is_refused(changes: dict[str, Any]
 @compiled_only
 @pytest.mark.parametrize(("first", "third"), [("1.0", True), (1.0, 0.5), (1.0, "no")])
 def test_a_number_of_another_kind_is_refused(first: Any, third: Any) -> None:
-    with pytest.raises(TypeError, match="Numbers must have a .*number in place of"):
+    with pytest.raises(TypeError, match=r"Numbers must have a .*number in place of"):
         pack(Numbers(first, 1.0, third, np.zeros((1, 2))))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import multiprocessing
 import os
 import subprocess
 import sys
@@ -47,6 +49,27 @@ def test_worlds_in_threads_give_the_same_bytes_as_one_after_the_other() -> None:
     with ThreadPoolExecutor(4) as pool:
         runs = [pool.submit(recorded, "sonata-2020-crowded", seed, s2.SocialPlanner(), 6.0) for seed in seeds]
     assert [run.result() for run in runs] == one_by_one
+
+
+def make_and_drop_worlds() -> None:
+    """In three threads, with a collector of garbage that runs often."""
+    gc.set_threshold(100, 2, 2)
+    scenes = [s2.generate("lively", seed) for seed in range(3)]
+
+    def work(first: int) -> None:
+        for n in range(300):
+            World(scenes[(first + n) % 3])
+
+    with ThreadPoolExecutor(3) as pool:
+        list(pool.map(work, range(3)))
+
+
+def test_worlds_can_be_dropped_in_threads() -> None:
+    """The engine's bodies may be freed in another thread than their space; in a process, which could crash."""
+    process = multiprocessing.get_context("spawn").Process(target=make_and_drop_worlds)
+    process.start()
+    process.join(100)
+    assert process.exitcode == 0
 
 
 class Half(s2.Controller):
