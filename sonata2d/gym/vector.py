@@ -18,6 +18,7 @@ from ..core.arguments import whole_number
 from ..core.scene import Scene
 from ..core.wording import shown
 from ..errors import SceneError
+from ..registry import did_you_mean
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import outcome_at
@@ -30,6 +31,7 @@ from .worlds import Worlds
 from .wrappers import flat_space
 
 _Key = tuple[int, int]  # seed and number of an episode
+_OF_SINGLE = {"wrappers", "parts", "metrics", "render_mode", "render_size", "view"}  # arguments of single environments
 
 
 class SocialNavVectorEnv(VectorEnv[Any, Any, Any]):
@@ -83,6 +85,10 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, Any]):
             "autoreset_mode": autoreset_mode,
         }  # fmt: skip
         for name, value in others.items():
+            if name not in _OF_SINGLE:
+                known = [*self._arguments]
+                hint = did_you_mean(name, known) or f"; it has {', '.join(known)}"
+                raise TypeError(f"SocialNavVectorEnv has no argument {name!r}{hint}")
             if value is not None:
                 raise TypeError(
                     f"SocialNavVectorEnv has no {name}; gymnasium.make_vec(..., vectorization_mode='sync') steps "
@@ -90,7 +96,11 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, Any]):
                 )
         self.num_envs = whole_number("num_envs", num_envs, 1)
         is_name = isinstance(autoreset_mode, str) and autoreset_mode in AutoresetMode.__members__
-        self._mode = AutoresetMode[str(autoreset_mode)] if is_name else AutoresetMode(autoreset_mode)
+        modes = ", ".join(AutoresetMode.__members__)
+        try:
+            self._mode = AutoresetMode[str(autoreset_mode)] if is_name else AutoresetMode(autoreset_mode)
+        except ValueError:
+            raise ValueError(f"autoreset_mode must be one of {modes}, got {autoreset_mode!r}") from None
         single = SocialNavEnv(scenario, settings=settings, sizes=sizes, order=order)
         self.config, self.metadata = single.config, {**single.metadata, "autoreset_mode": self._mode}
         number = None if episodes is None else whole_number("episodes", episodes, 1)
@@ -220,6 +230,8 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, Any]):
             ValueError: there is another number of states, or one is not a state of this version and scenario.
         """
         self._require_open()
+        if not isinstance(states, list | tuple):
+            raise TypeError(f"states are a list of those of get_states(), got {shown(states)}")
         if len(states) != self.num_envs:
             raise ValueError(f"there are {self.num_envs} environments, got {len(states)} states")
         return self._restore(states, is_recorded=True)

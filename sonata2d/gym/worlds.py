@@ -120,6 +120,8 @@ class Worlds:
         threads: int = 1,
         record: str | Path | None = None,
     ) -> None:
+        if isinstance(scenes, str | Scene):
+            raise TypeError(f"Worlds needs a list of scenes, such as [generate('lively', seed=1)], got {shown(scenes)}")
         self._scenes = tuple(scenes)
         for scene in self._scenes:
             if not isinstance(scene, Scene):
@@ -348,7 +350,8 @@ class Worlds:
 
     def _rewards(self, before: Array, is_first: BoolArray) -> Array:
         """(B,), 0 where an episode begins."""
-        measured, of = self._measured, self._reward.of
+        measured, reward = self._measured, self._reward
+        of = reward._value if type(reward).of is BuiltIn.of else reward.of  # all numbers are floats
         progress, gap = (before - measured[:, GOAL_DISTANCE]).tolist(), measured[:, CLEARANCE].tolist()
         contact = (measured[:, WITH_HUMAN : WITH_WALL + 1] != 0.0).any(axis=1).tolist()
         status = [STATUSES[code] for code in self._outcome.tolist()]

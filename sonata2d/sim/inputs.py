@@ -10,7 +10,7 @@ from typing import Any, overload
 import numpy as np
 
 from ..core.devices import DeviceEvent
-from ..core.geometry import Twist
+from ..core.geometry import Twist, quantised
 from ..core.portable_math import Array
 
 
@@ -46,8 +46,8 @@ class Inputs(Sequence[TickInput]):
 
     def append(self, tick_input: TickInput) -> None:
         """Add the input of the next tick."""
-        command = np.array((tick_input.command.vx, tick_input.command.vy, tick_input.command.omega), dtype=float)
-        vx, vy, omega = (np.rint(command * 10_000.0) / 10_000.0 + 0.0).tolist()  # as `geometry.quantised`
+        command = tick_input.command
+        vx, vy, omega = _rounded(command.vx), _rounded(command.vy), _rounded(command.omega)
         if tick_input.label is not None or tick_input.events:
             self._others[len(self)] = replace(tick_input, command=Twist(vx, vy, omega))
         self._numbers.extend((vx, vy, omega))
@@ -108,3 +108,11 @@ class Inputs(Sequence[TickInput]):
 
     def __repr__(self) -> str:
         return f"Inputs({[*self]!r})"
+
+
+def _rounded(value: float) -> float:
+    """A number as a file holds it; unchanged if none can hold it."""
+    try:
+        return quantised(float(value))
+    except ValueError:
+        return float(value)

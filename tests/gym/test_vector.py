@@ -354,3 +354,13 @@ def test_a_number_beyond_the_episodes_is_refused() -> None:
     envs = s2g.SocialNavVectorEnv(2, "empty", episodes=4)
     with pytest.raises(ValueError, match="is below 4"):
         envs.reset(seed=5, options={"episode": 4})
+
+
+def test_an_unknown_argument_is_named_with_the_nearest_one() -> None:
+    with pytest.raises(TypeError, match=r"no argument 'thread'; did you mean 'threads'"):
+        s2g.SocialNavVectorEnv(2, "empty", thread=2)
+    with pytest.raises(ValueError, match="must be one of NEXT_STEP, SAME_STEP, DISABLED, got 'never'"):
+        s2g.SocialNavVectorEnv(2, "empty", autoreset_mode="never")
+    envs = s2g.SocialNavVectorEnv(2, "empty")
+    with pytest.raises(TypeError, match="a list of those of get_states"):
+        envs.restore(None)  # type: ignore[arg-type]

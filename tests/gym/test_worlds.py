@@ -215,3 +215,9 @@ def test_a_forked_process_steps_with_threads_of_its_own() -> None:
     assert process.exitcode == 0
     worlds.close()
     worlds.step(np.zeros((2, worlds.action_size)))
+
+
+@pytest.mark.parametrize("given", ["lively", s2.generate("empty", seed=1)])
+def test_one_scene_or_name_in_place_of_scenes_is_refused(given: Any) -> None:
+    with pytest.raises(TypeError, match="a list of scenes"):
+        Worlds(given)

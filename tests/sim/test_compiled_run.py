@@ -12,7 +12,7 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.agents.controllers.compiled import KernelController
-from sonata2d.core.compiled.kernel import kernel
+from sonata2d.core.compiled.kernel import IS_COMPILED, kernel
 from sonata2d.core.compiled.packing import Floats, unpack
 from sonata2d.core.devices import DeviceEvent
 from sonata2d.core.geometry import Twist
@@ -387,3 +387,30 @@ def test_a_compiled_controller_acts_on_snapshots_without_reset() -> None:
     snapshot = s2.Episode(s2.generate("empty", seed=3)).observe()
     assert s2.StraightToGoal().act(snapshot) != Twist()
     assert s2.SocialPlanner().act(snapshot) != Twist()
+
+
+def without_decorator(packed_memory: Any, tick: int, robot: Any, humans: Any, is_present: Any, command: Any) -> None:
+    command[0] = 0.1
+
+
+@kernel
+def with_few_arguments(packed_memory: Any, command: Any) -> None:
+    command[0] = 0.1
+
+
+@pytest.mark.parametrize(
+    ("attributes", "message"),
+    [
+        ({"kernel": None}, r"Wrong needs a kernel"),
+        ({"kernel": with_few_arguments}, r"Wrong\.kernel takes 2 arguments; it must take packed_memory, tick"),
+        ({"memory": lambda self, scene: (1.0, 2.0)}, r"Wrong\.memory must return a NamedTuple, got \(1\.0, 2\.0\)"),
+        pytest.param(
+            {"kernel": without_decorator}, r"Wrong\.kernel is an ordinary function; write @kernel",
+            marks=pytest.mark.skipif(not IS_COMPILED, reason="without numba, kernels are ordinary functions"),
+        ),
+    ],
+)  # fmt: skip
+def test_a_controller_whose_kernel_cannot_be_called_says_why(attributes: dict[str, Any], message: str) -> None:
+    wrong = type("Wrong", (Faster,), attributes)
+    with pytest.raises(TypeError, match=message):
+        s2.Episode(s2.generate("empty", seed=1), wrong()).run()

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
+from functools import cached_property
+from inspect import signature
 from typing import Any
 
 import numpy as np
 
 from ...core.compiled.calls import FLAGS, FLOATS, FLOATS2, INT, PACKED, address_of
+from ...core.compiled.kernel import IS_COMPILED
 from ...core.compiled.packing import Packed
 from ...core.geometry import Twist
 from ...core.portable_math import IntArray
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...core.state import HUMAN_SIZE, ROBOT_SIZE
+from ...core.wording import shown
 from .base import Controller
 
 
@@ -38,7 +42,10 @@ class KernelController(Controller):
         """The knowledge of the kernel, and what it remembers in an episode: a named tuple, see `packing.pack`."""
 
     def reset(self, scene: Scene) -> None:
-        self._scene, self._memory = scene, Packed[Any](self.memory(scene))
+        memory = self.memory(scene)
+        if not hasattr(memory, "_fields"):
+            raise TypeError(f"{type(self).__name__}.memory must return a NamedTuple, got {shown(memory)}")
+        self._scene, self._memory = scene, Packed[Any](memory)
 
     def act(self, snapshot: Snapshot) -> Twist:
         state, command = snapshot.state, np.empty(3)
@@ -48,9 +55,25 @@ class KernelController(Controller):
         self._kernel(memory.argument, snapshot.tick, row[:ROBOT_SIZE], humans, is_present, command)
         return Twist(*command.tolist())
 
-    @property
+    @cached_property
     def _kernel(self) -> Any:
-        return type(self).kernel  # not as a method
+        """The kernel.
+
+        Raises:
+            TypeError: there is none, or it is a function of another kind.
+        """
+        kind = type(self)
+        kernel = getattr(kind, "kernel", None)  # of the class: not as a method
+        name = f"{kind.__name__}.kernel"
+        if kernel is None:
+            raise TypeError(f"{kind.__name__} needs a kernel: kernel = ..., a function with the decorator `kernel`")
+        if IS_COMPILED and not hasattr(kernel, "overloads"):
+            raise TypeError(f"{name} is an ordinary function; write @kernel of sonata2d.core.compiled.kernel before it")
+        count = len(signature(getattr(kernel, "py_func", kernel)).parameters)
+        if count != len(_ARGUMENTS):
+            expected = "packed_memory, tick, robot, humans, is_present, command"
+            raise TypeError(f"{name} takes {count} arguments; it must take {expected}")
+        return kernel
 
     def _memory_for(self, scene: Scene) -> Packed[Any]:
         """The memory of the episode; made now if a subclass has a `reset` of its own, or there was none."""
@@ -71,6 +94,9 @@ class KernelController(Controller):
         return controller_address(self._kernel), self._memory_for(scene)
 
 
+_ARGUMENTS = (PACKED, INT, FLOATS, FLOATS2, FLAGS, FLOATS)
+
+
 def controller_address(kernel: Any) -> IntArray:
     """The address of a `KernelController.kernel`."""
-    return address_of(kernel, PACKED, INT, FLOATS, FLOATS2, FLAGS, FLOATS)
+    return address_of(kernel, *_ARGUMENTS)
