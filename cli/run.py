@@ -51,7 +51,7 @@ def command(scenario: str, controller: str, seed: int, episode: int, outputs: tu
     from sonata2d.metrics.catalogue import headline_metrics
     from sonata2d.metrics.measurement import measure
     from sonata2d.metrics.summary import format_number
-    from sonata2d.record.files import SUFFIXES, compress, write_atomically
+    from sonata2d.record.files import SUFFIXES, write_document
     from sonata2d.record.recorder import EpisodeRecorder
     from sonata2d.scenegen.generator import generate
     from sonata2d.scenegen.scenario.load import scenario_of
@@ -70,7 +70,7 @@ def command(scenario: str, controller: str, seed: int, episode: int, outputs: tu
     record = recorder.record()
     for path in outputs:
         if path.name.endswith(SUFFIXES):
-            write_atomically(path, compress(recorder.document(), path))
+            write_document(path, recorder.complete())
             continue
         is_film = path.suffix.lower() in FILM_SUFFIXES
         with progress(len(record) + 1, "snapshots drawn") if is_film else nullcontext() as advance:

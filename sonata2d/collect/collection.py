@@ -36,7 +36,7 @@ from ..datasets.manifest import (
 )
 from ..errors import ConfigError, RecordError
 from ..record.canonical import parse_header
-from ..record.files import SUFFIXES, compressed, file_stem, read_bytes, safe_name, safe_stem, write_atomically
+from ..record.files import SUFFIXES, file_stem, read_bytes, safe_name, safe_stem, write_atomically, write_document
 from ..record.layout import JsonDict, software_versions
 from ..record.reader import read_episode
 from ..record.recorder import EpisodeRecorder
@@ -223,7 +223,7 @@ class Collection:
         document = recorder.complete()
         announce(path.name)
         try:
-            write_atomically(path, compressed(document.parts(), document.size, path))
+            write_document(path, document)
         except RecordError:  # also if the file is whole, but its name is not on the disk: it would be written once more
             with suppress(OSError):
                 path.unlink()

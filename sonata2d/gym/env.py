@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, SupportsFloat
 
@@ -38,7 +40,7 @@ from .state import MAX_SEED, EnvState, checked_state
 
 Env = gymnasium.Env[Any, Any]
 _RenderMode = Literal["human", "rgb_array", "rgb_array_list"]
-LAYOUTS = 100  # episodes that `reset` tries if their scenes have no layout
+_LAYOUTS = 100  # episodes that `reset` tries if their scenes have no layout
 _DEFAULT_SIZE, _MAXIMUM_SIDE = (640, 640), 8192  # px
 
 
@@ -201,14 +203,12 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         elif self._seed is None:  # the first reset without a seed; later ones continue the seed's episodes
             self._seed = int(self.np_random.integers(2**31))
         self._number = self._number + 1 if number is None else int(number)
-        for attempt in range(LAYOUTS):  # an episode whose scene has no layout is skipped
-            try:
-                scene = self._generate(self._seed, self._number)
-                break
-            except SceneError:
-                if attempt == LAYOUTS - 1:
-                    raise
-                self._number += 1
+        try:
+            scene = first_scene(partial(self._generate, self._seed), self._number)
+        except SceneError:
+            self._number += _LAYOUTS - 1  # the next reset tries others
+            raise
+        self._number = scene.episode
         self._start(scene)
         self._draw(is_first=True)
         return self.encoder.encode(self.snapshot), {"seed": self._seed, "episode_number": self._number}
@@ -411,6 +411,22 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
 
             self._renderer = Renderer(self.render_mode, self._request, self.config.rules.dt)
         return self._renderer
+
+
+def first_scene(scene_of: Callable[[int], Scene], number: int) -> Scene:
+    """The scene of an episode; episodes whose scenes have no layout are skipped.
+
+    Args:
+        scene_of: gives the scene of an episode by its number.
+        number: of the first episode to try.
+
+    Raises:
+        SceneError: a hundred scenes in a row have no layout.
+    """
+    for tried in range(number, number + _LAYOUTS - 1):
+        with suppress(SceneError):
+            return scene_of(tried)
+    return scene_of(number + _LAYOUTS - 1)
 
 
 def _metrics_of(chosen: Iterable[str] | str | bool) -> tuple[Metric, ...]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from ..core.snapshot import Outcome, Snapshot
 from ..datasets.manifest import MANIFEST
 from ..errors import RecordError
-from ..record.files import write_atomically
+from ..record.files import write_document
 from ..record.recorder import EpisodeRecorder
 
 
@@ -48,7 +48,7 @@ class FolderRecorder(EpisodeRecorder):
         path = self._reserved()
         self.id = path.stem
         try:
-            write_atomically(path, self.document())
+            write_document(path, self.complete())
         except BaseException:
             path.unlink(missing_ok=True)  # it is empty
             raise

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import copy
 import json
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +17,12 @@ from numpy.typing import NDArray
 from ..core.arguments import whole_number
 from ..core.scene import Scene
 from ..core.wording import shown
-from ..errors import SceneError
 from ..registry import did_you_mean
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import outcome_at
 from ..sim.kernel.batch import CONTACT, GOAL, RUNNING, TIMEOUT
-from .env import LAYOUTS, SocialNavEnv
+from .env import SocialNavEnv, first_scene
 from .observation import Order
 from .rewards import Reward
 from .state import MAX_SEED, EnvState, checked_state
@@ -261,11 +260,6 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, Any]):
         attributes = {name: getattr(self, name) for name in ("spec", "closed", "action_space", "single_action_space")}
         return _rebuilt, (self._arguments, states, attributes)
 
-    def __deepcopy__(self, memo: Any) -> SocialNavVectorEnv:
-        function, arguments = self.__reduce__()[:2]
-        copied: SocialNavVectorEnv = function(*copy.deepcopy(arguments, memo))
-        return copied
-
     def _require_open(self) -> None:
         if self.closed:
             raise gymnasium.error.ResetNeeded("the environments are closed; make new ones")
@@ -294,7 +288,7 @@ class SocialNavVectorEnv(VectorEnv[Any, Any, Any]):
 
 
 class _Episodes(Worlds):
-    """Worlds whose scenes are the episodes of seeds.
+    """Worlds that run the episodes of seeds, as `SocialNavEnv` does.
 
     Args:
         count: number of worlds.
@@ -384,13 +378,7 @@ class _Episodes(Worlds):
 
     def _scene_of(self, key: Any) -> Scene:
         seed, number = key
-        for attempt in range(LAYOUTS):  # an episode whose scene has no layout is skipped
-            try:
-                return generate(self._config, seed, number + attempt)
-            except SceneError:
-                if attempt == LAYOUTS - 1:
-                    raise
-        raise AssertionError("unreachable")
+        return first_scene(partial(generate, self._config, seed), number)
 
     def _place(self, w: int, running: Any) -> None:
         super()._place(w, running)

@@ -44,8 +44,8 @@ from ..sim.kernel.batch import (
     step_member,
     step_members,
 )  # fmt: skip
-from ..sim.kernel.tick import DONE, LONGER_LISTS
-from ..sim.member import member_of
+from ..sim.kernel.tick import DONE
+from ..sim.member import member_of, provided
 from ..sim.world import World
 from .observation import Encoder, Order, Sizes
 from .parts import Floats32, Observation, Rows
@@ -301,7 +301,7 @@ class Worlds:
         """Give a world what it needs until its tick is over."""
         running = self._at(w)
         while need != DONE:
-            running.provide(need)
+            running.member = provided(running.member, running.world, running.crowd, need)
             self._addresses[w] = running.address
             need = self._step(w, need)
 
@@ -422,14 +422,6 @@ class _Running:
     def address(self) -> int:
         """Address of the packed member; 0 in the interpreter."""
         return self.member.argument.ctypes.data if IS_COMPILED else 0
-
-    def provide(self, need: int) -> None:
-        """Give the world what a tick needs, see `run_tick`."""
-        if need == LONGER_LISTS:
-            self.crowd.extend_lists()
-            self.member = Packed(self.member.value._replace(crowd=self.crowd.argument))
-        else:
-            self.world.set_seats(self.crowd.state.tasks.sits_on)
 
 
 @cache

@@ -184,14 +184,14 @@ class Document(NamedTuple):
 
     @classmethod
     def of(cls, document: dict[str, Any], frames: IO[bytes] | None, rest: Sequence[bytes]) -> Document:
-        """A document whose value of the key `frames` is left out.
+        """A document with frames from a file and others.
 
         Args:
-            document: see `serialise`; it has the key `frames`.
+            document: see `serialise`; the value of its key `frames` is an empty list.
             frames: see above.
             rest: the other frames.
         """
-        start, end = serialise(document | {"frames": []}).split(_BEFORE_FRAMES + _AFTER_FRAMES, 1)
+        start, end = serialise(document).split(_BEFORE_FRAMES + _AFTER_FRAMES, 1)
         joined = b",\n".join([b"", *rest] if frames and rest else rest)
         return cls(start + _BEFORE_FRAMES, frames, joined + _AFTER_FRAMES + end)
 

@@ -21,7 +21,7 @@ from ..core.files.locations import explained, is_remote, put_content
 from ..core.files.reading import read_at_most, require_readable
 from ..core.files.whole_file import whole_file
 from ..errors import RecordError
-from .canonical import PART
+from .canonical import PART, Document
 from .shard_file import extents, is_member, read_member
 
 SUFFIXES = (".json", ".json.gz", ".json.zst")
@@ -140,6 +140,11 @@ def write_atomically(path: Path, data: bytes | Iterable[bytes]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as temporary, temporary.open("wb") as file:
             file.writelines(parts)
+
+
+def write_document(path: Path, document: Document) -> None:
+    """Write a document to an episode file, compressed as the suffix of `path` requires; see `write_atomically`."""
+    write_atomically(path, compressed(document.parts(), document.size, path))
 
 
 def episode_key(files: Sequence[Path]) -> Callable[[Path], str]:

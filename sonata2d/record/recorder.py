@@ -28,7 +28,7 @@ from ..errors import RecordError
 from ..version import FORMAT, FORMAT_VERSION, PHYSICS_VERSION
 from .canonical import Document, rounded, to_json_value
 from .counts import merged_counts, run_counts
-from .files import compressed, file_stem, write_atomically
+from .files import file_stem, write_document
 from .frames import Answer, Segment, frame_lines, never_entered, segment_of
 from .layout import JsonDict, columns, software_versions
 from .reader import record_from_document
@@ -92,7 +92,7 @@ class EpisodeRecorder:
         self._frames: IO[bytes] | None = None  # JSON of the frames before
         self._count = 0  # of these frames
         self._counts: JsonDict | None = None
-        self._has_been_present, self._is_complete = np.zeros(0, dtype=bool), False  # of each person, of all
+        self._has_been_present, self._was_everybody_present = np.zeros(0, dtype=bool), False  # of each person, of all
 
     def open(self, scene: Scene, controller_info: ControllerInfo) -> None:
         """Begin the episode.
@@ -170,7 +170,7 @@ class EpisodeRecorder:
             raise RecordError("the episode is not complete; run it to its end, or call close()")
         frames, final = frame_lines(self._segments, self._answers, scene.human_table.id.tolist())
         ends = {**self._header(scene, outcome), "frames": [], "final": final, "software": software_versions()}
-        return Document.of(ends, self._frames, frames)
+        return Document.of(ends, self._frames if self._count else None, frames)
 
     def record(self) -> EpisodeRecord:
         """The recorded episode, as `read_episode` returns it from a file; there is no file at its path.
@@ -219,15 +219,17 @@ class EpisodeRecorder:
         """Add states and the answers to them."""
         if segment.is_present is not None:
             self._has_been_present |= segment.is_present
-        elif not self._is_complete:
-            self._has_been_present[:] = self._is_complete = True
+        elif not self._was_everybody_present:
+            self._has_been_present[:] = self._was_everybody_present = True
         self._segments.append(segment)
         self._answers += answers
         if len(self._answers) - len(answers) >= _SERIALISED_AT_ONCE:
             self._serialise(len(answers))
 
     def _serialise(self, left: int) -> None:
-        """Serialise the frames but for those of the last segment, whose first state tells what was executed last.
+        """Serialise all frames except those of the last segment.
+
+        What the last one of these frames executed is part of the first state of that segment.
 
         Args:
             left: number of answers that belong to the last segment.
@@ -334,8 +336,7 @@ class JsonRecorder(EpisodeRecorder):
             RecordError: the file cannot be written.
         """
         super().close(last, outcome)
-        document = self.complete()
-        write_atomically(self.path, compressed(document.parts(), document.size, self.path))
+        write_document(self.path, self.complete())
 
     def __enter__(self) -> Self:
         return self

@@ -186,10 +186,10 @@ class Episode(Drawable):
                 observer.on_frames(frames)  # type: ignore[attr-defined]
             except BaseException as error:  # the others get them all the same: the world has moved
                 errors.append(error)
-        for first in errors[:1]:
-            interruption.reraise(first)
-            self._close_after(first, self.snapshot())
-            raise first
+        if errors:
+            interruption.reraise(errors[0])
+            self._close_after(errors[0], self.snapshot())
+            raise errors[0]
 
     def step(self, events: Sequence[DeviceEvent] = ()) -> Frame | None:
         """Run one tick: `observe`, ask the controller, `apply` its command.

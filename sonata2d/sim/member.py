@@ -14,7 +14,7 @@ from ..core.compiled.packing import Floats2, Packed, unpack
 from ..core.geometry import Twist
 from ..core.portable_math import Array, BoolArray, IntArray
 from ..core.snapshot import Frames, Snapshot
-from .kernel.batch import MEASURED_SIZE, NO_COMMAND, OVER, Member, run_member
+from .kernel.batch import MEASURED_SIZE, NO_COMMAND, Member, run_member
 from .kernel.tick import DONE, LONGER_LISTS, SEATS, run_tick_address
 from .world import World
 
@@ -53,6 +53,15 @@ def member_of(
             measured=measured,
         )
     )
+
+
+def provided(member: Packed[Member], world: World, crowd: Crowd, need: int) -> Packed[Member]:
+    """Give a world what its tick needs to go on, see `run_tick`; the member that goes on."""
+    if need == LONGER_LISTS:
+        crowd.extend_lists()
+        return Packed(member.value._replace(crowd=crowd.argument))
+    world.set_seats(crowd.state.tasks.sits_on)
+    return member
 
 
 class _Commands(NamedTuple):
@@ -102,24 +111,17 @@ class CompiledRun:
         Returns:
             Their frames; none if the controller's command cannot be recorded, which is then `refused`.
         """
-        member, need, company = self._member.value, DONE, self._crowd.state.company
-        member.clock[0] = self._world.tick  # which may have moved by single ticks in between
+        clock, company = self._member.value.clock, self._crowd.state.company
+        clock[0] = self._world.tick  # which may have moved by single ticks in between
         count = np.array([0, company.version[0]])
         arrays = self._address, self._memory.argument, self._rows[:limit], self._commands, count
-        while True:
+        need = run_member(self._member.argument, *arrays, DONE)
+        while need in (LONGER_LISTS, SEATS):
+            self._member = provided(self._member, self._world, self._crowd, need)
             need = run_member(self._member.argument, *arrays, need)
-            if need == LONGER_LISTS:
-                self._crowd.extend_lists()
-                self._member = Packed(member._replace(crowd=self._crowd.argument))
-                member = self._member.value
-            elif need == SEATS:
-                self._world.set_seats(self._crowd.state.tasks.sits_on)
-            else:
-                break
-        assert need in (DONE, NO_COMMAND, OVER)
         self.refused = Twist(*self._commands[count[0]].tolist()) if need == NO_COMMAND else None
         if count[0]:
-            self._world.note(int(member.clock[0]), self._crowd)
+            self._world.note(int(clock[0]), self._crowd)
         rows = self._rows[: count[0]].copy()
         rows.flags.writeable = False
         return Frames(first, rows, self._commands[: count[0]].copy())

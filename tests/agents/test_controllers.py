@@ -16,8 +16,9 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.agents.controllers.base import Controller
+from sonata2d.agents.controllers.cost_field import CELL, CostField
 from sonata2d.agents.controllers.loading import named_controllers
-from sonata2d.agents.controllers.planner import CELL, HAS_NEGATIVE_WEIGHTS, STEP, CostField, SocialPlanner, Weights
+from sonata2d.agents.controllers.planner import HAS_NEGATIVE_WEIGHTS, STEP, SocialPlanner, Weights
 from sonata2d.agents.controllers.reactive import SocialForce
 from sonata2d.core.entities import Furniture, Human, Interaction, Robot
 from sonata2d.core.geometry import Pose, Rectangle, Twist

@@ -458,11 +458,11 @@ def test_a_full_disk_at_keep_loses_no_run(tmp_path: Path, monkeypatch: pytest.Mo
     session = open_session(tmp_path)
     drive(session)
 
-    def full(path: Path, data: bytes) -> None:
+    def full(path: Path, document: Any) -> None:
         raise RecordError(f"{path} cannot be written: No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("sonata2d.collect.collection.write_atomically", full)
+        patch.setattr("sonata2d.collect.collection.write_document", full)
         with pytest.raises(RecordError, match="No space left"):
             session.keep()
     assert session.state == "ended"

@@ -361,11 +361,11 @@ def test_a_recording_that_cannot_be_written_leaves_no_file(tmp_path: Path, monke
     env = s2g.SocialNavEnv("empty", settings={"rules": {"time_limit": 0.1}}, record=tmp_path)
     env.reset(seed=2)
 
-    def full(path: Path, data: bytes) -> None:
+    def full(path: Path, document: Any) -> None:
         raise RecordError(f"{path} cannot be written: no space left")
 
     with monkeypatch.context() as patch:
-        patch.setattr("sonata2d.gym.recording.write_atomically", full)
+        patch.setattr("sonata2d.gym.recording.write_document", full)
         with pytest.raises(RecordError, match="no space left"):
             env.step(FORWARD)
     assert not list(tmp_path.iterdir())

@@ -198,7 +198,7 @@ def test_a_long_episode_has_the_bytes_of_one_in_memory(monkeypatch: pytest.Monke
 
 
 def test_an_episode_that_stops_where_frames_were_put_away_has_them_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The frame of the last tick, whose command was not executed, is left out."""
+    """The world has not executed the command of the last frame, which is not recorded."""
 
     def recorded(ticks: int) -> bytes:
         recorder = EpisodeRecorder()
@@ -381,6 +381,18 @@ def test_a_temporary_file_that_cannot_be_written_loses_nothing(monkeypatch: pyte
     frames = orjson.loads(recorder.document())["frames"]
     assert len(frames) >= 19
     assert frames == orjson.loads(whole.document())["frames"][: len(frames)]
+
+
+def test_a_first_write_to_the_temporary_file_that_fails_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(file: Any, data: bytes) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(recorder_module, "_SERIALISED_AT_ONCE", 10)
+    monkeypatch.setattr(recorder_module.SpooledTemporaryFile, "write", full)
+    recorder = EpisodeRecorder()
+    with pytest.raises(RecordError, match="temporary file: No space left on device"):
+        s2.Episode(s2.generate("lively", seed=1), s2.StraightToGoal(), observers=[recorder]).run()
+    assert len(orjson.loads(recorder.document())["frames"]) >= 10
 
 
 def test_a_compiled_controller_acts_on_snapshots_without_reset() -> None:

@@ -1,4 +1,4 @@
-"""Controllers whose decisions are kernels, so that whole episodes run without the interpreter."""
+"""Compiled controllers, with which whole episodes run without Python between ticks."""
 
 from __future__ import annotations
 

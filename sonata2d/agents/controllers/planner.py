@@ -12,199 +12,19 @@ from ...core.at_goal import goal_row, is_at_goal
 from ...core.barrier_grid import Solids, find_within, packed_solids
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Floats, Floats2, Floats3, Floats4, Ints2, unpack
-from ...core.compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, clipped, gap, rotation, to_shoulder_line
+from ...core.compiled.scalar import gap, rotation, to_shoulder_line
 from ...core.entities import Robot
 from ...core.floats import FloatFields
-from ...core.geometry import Barriers, Point, Twist
+from ...core.geometry import Point, Twist
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.portable_math import Array, BoolArray, IntArray
 from ...core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
-from ...core.relations import RELATION
 from ...core.scene import Scene
 from ...core.state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, HUMAN_SIZE
 from .compiled import KernelController
+from .cost_field import CELL, CLEARANCE, PRICE, VALUE, CostField
 
-CELL = 0.1  # m
-_BLOCKED = 40.0  # price per metre where the robot does not fit; 1 is open ground
 _TURNS = (-1.0, -0.5, -0.15, 0.0, 0.15, 0.5, 1.0)  # turn rates to try, fractions of the limit
-_MAXIMUM_SWEEPS = 2000
-_UNREACHED = 1e6  # initial cost of each cell
-_PRICE, _VALUE, _CLEARANCE = range(3)  # layers of a cost field
-
-
-class CostField:
-    """The cost of the cheapest path to the goal, on a grid over the room.
-
-    A metre of open ground costs 1. The price per metre is higher near walls and furniture, in the intimate and personal
-    space of standing people, and between people who interact. Cells in which the robot does not fit cost `_BLOCKED`.
-
-    Args:
-        scene: gives the room, furniture, standing people, interactions, goal and the robot's radius.
-
-    Attributes:
-        low: (2,), m, world frame, position of the cell (0, 0).
-        price: (NX, NY), cost per metre of each cell.
-        value: (NX, NY), cost of the cheapest path from each cell to the goal, in metres of open ground.
-        clearance: (NX, NY), m, from each cell to the nearest wall or piece of furniture; capped beyond the reach of
-            the prices.
-
-    Source: eikonal equation |∇D| = price, first-order upwind differences (Sethian, PNAS 93 (1996) 1591), solved by
-    Jacobi sweeps until nothing changes.
-    """
-
-    def __init__(self, scene: Scene) -> None:
-        self.low, high = scene.outline.min(axis=0) - CELL, scene.outline.max(axis=0) + CELL
-        nx, ny = (int(n) + 1 for n in (high - self.low) / CELL)
-        self.layers = np.empty((3, nx, ny))
-        self.price, self.value, self.clearance = self.layers[_PRICE], self.layers[_VALUE], self.layers[_CLEARANCE]
-        obstacles = scene.barriers.table, scene.standing_humans.table, _interaction_spaces(scene).table
-        goal = float(scene.goal.x), float(scene.goal.y)
-        _fill_field(self.layers, self.low, scene.outline, *obstacles, float(scene.robot.radius), *goal)
-
-
-def _interaction_spaces(scene: Scene) -> Barriers:
-    """Lines of attention between standing people, and between people and objects, that others should not cross."""
-    position = {h.id: h.pose.position for h in scene.humans} | {f.id: f.pose.position for f in scene.furniture}
-    lines = ((i, RELATION[i.relation].line_radius) for i in scene.interactions)
-    return Barriers.of((position[i.src], position[i.dst], radius) for i, radius in lines if radius)
-
-
-@kernel
-def _fill_field(
-    layers: Array, low: Array, outline: Array, barriers: Array, standing: Array, between: Array,
-    radius: float, goal_x: float, goal_y: float,
-) -> None:  # fmt: skip
-    """Compute the layers of a cost field.
-
-    Args:
-        layers: (3, NX, NY), overwritten.
-        low: (2,), m, position of the cell (0, 0).
-        outline: (K, 2), m, polygon of the room.
-        barriers, standing, between: (M, 8), tables of the solids, standing people and lines of attention.
-        radius: of the robot, m.
-        goal_x, goal_y: m.
-    """
-    _, nx, ny = layers.shape
-    reach = radius + PERSONAL_DISTANCE + 0.05  # m, to barriers that can change a price
-    people, lines, inside = np.empty(ny), np.empty(ny), np.empty(ny, dtype=np.bool_)
-    for i in range(nx):
-        x = low[X] + CELL * i
-        walls = layers[_CLEARANCE, i]
-        _nearest_gaps(barriers, x, low[Y], reach, walls)
-        _nearest_gaps(standing, x, low[Y], reach, people)
-        _nearest_gaps(between, x, low[Y], reach, lines)
-        _inside_outline(outline, x, low[Y], inside)
-        for j in range(ny):
-            to_wall, to_person = walls[j] - radius, people[j] - radius
-            price = 1.0 + 2.0 * max(1.0 - max(to_wall, 0.0) / 0.3, 0.0)
-            price += 4.0 * max(1.0 - max(to_person, 0.0) / INTIMATE_DISTANCE, 0.0)
-            price += 1.0 * max(1.0 - max(to_person, 0.0) / PERSONAL_DISTANCE, 0.0)
-            price += 4.0 if lines[j] < radius else 0.0
-            fits = inside[j] and to_wall >= -0.01 and to_person >= 0.02
-            layers[_PRICE, i, j] = min(price, _BLOCKED) if fits else _BLOCKED
-    goal_i, goal_j = int((goal_x - low[X]) / CELL + 0.5), int((goal_y - low[Y]) / CELL + 0.5)
-    _solve(layers[_PRICE], layers[_VALUE], goal_i, goal_j)
-
-
-@subroutine
-def _nearest_gaps(barriers: Array, x: float, low: float, reach: float, gaps: Array) -> None:
-    """Distance from the cells of a column of the grid to the nearest barrier, at most `reach`; (NY,), m.
-
-    Args:
-        barriers: (M, 8).
-        x, low: m, position of the first cell.
-        reach: m.
-        gaps: (NY,), overwritten.
-    """
-    count = len(gaps)
-    for j in range(count):
-        gaps[j] = reach
-    for k in range(len(barriers)):
-        margin = reach + barriers[k, RADIUS]
-        if max(barriers[k, START_X], barriers[k, END_X]) + margin < x:
-            continue
-        if min(barriers[k, START_X], barriers[k, END_X]) - margin > x:
-            continue
-        first = (min(barriers[k, START_Y], barriers[k, END_Y]) - margin - low) / CELL
-        last = (max(barriers[k, START_Y], barriers[k, END_Y]) + margin - low) / CELL
-        for j in range(int(clipped(first, 0.0, count)), int(clipped(last + 1.0, 0.0, count))):
-            gaps[j] = min(gaps[j], gap(barriers, k, x, low + CELL * j))
-
-
-@subroutine
-def _inside_outline(outline: Array, x: float, low: float, inside: BoolArray) -> None:
-    """Whether the cells of a column of the grid lie in a polygon (even-odd rule).
-
-    Args:
-        outline: (K, 2), m.
-        x, low: m, position of the first cell.
-        inside: (NY,), overwritten.
-    """
-    for j in range(len(inside)):
-        inside[j] = False
-    for k in range(len(outline)):
-        ax, ay, bx, by = outline[k - 1, X], outline[k - 1, Y], outline[k, X], outline[k, Y]
-        for j in range(len(inside)):
-            y = low + CELL * j
-            if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
-                inside[j] = not inside[j]
-
-
-@subroutine
-def _solve(price: Array, value: Array, goal_i: int, goal_j: int) -> None:
-    """Solve the eikonal equation by Jacobi sweeps.
-
-    A sweep visits only cells next to one that changed in the last sweep; the others would not change.
-
-    Args:
-        price: (NX, NY), per metre.
-        value: (NX, NY), overwritten.
-        goal_i, goal_j: the goal's cell.
-    """
-    nx, ny = price.shape
-    width = ny + 2  # with a margin, so that each cell has four neighbours
-    size = (nx + 2) * width
-    cost, step, queued = np.empty(size), np.empty(size), np.empty(size, dtype=np.int64)
-    for cell in range(size):
-        cost[cell], queued[cell] = _UNREACHED, _MAXIMUM_SWEEPS + 1  # `queued`: the last sweep that visits a cell
-    for i in range(nx):
-        for j in range(ny):
-            cell = (i + 1) * width + j + 1
-            step[cell], queued[cell] = price[i, j] * CELL, -1
-    queue, changed, costs = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64), np.empty(size)
-    # A goal outside of the grid counts as one at its margin.
-    changed[0] = min(max(goal_i + 1, 0), nx + 1) * width + min(max(goal_j + 1, 0), ny + 1)
-    costs[0], count = 0.0, 1
-    for sweep in range(_MAXIMUM_SWEEPS + 1):
-        length = 0
-        for k in range(count):
-            cost[changed[k]] = costs[k]
-            for neighbour in (changed[k] - width, changed[k] - 1, changed[k] + 1, changed[k] + width):
-                # Costs fall along a path to the goal: a neighbour that costs less does not change.
-                if 0 <= neighbour < size and queued[neighbour] < sweep and cost[neighbour] > costs[k] - 1e-6:
-                    queued[neighbour] = sweep
-                    queue[length] = neighbour
-                    length += 1
-        count = 0
-        for k in range(length):
-            cell = queue[k]
-            a, b = min(cost[cell - width], cost[cell + width]), min(cost[cell - 1], cost[cell + 1])
-            difference = a - b
-            if abs(difference) >= step[cell]:  # a front that comes along one axis: the one-sided difference
-                updated = min(a, b) + step[cell]
-            else:
-                square = 2.0 * step[cell] * step[cell] - difference * difference
-                updated = (a + b + math.sqrt(max(square, 0.0))) * 0.5
-            if updated < cost[cell]:
-                changed[count], costs[count] = cell, updated
-                count += 1
-        if count == 0:
-            break
-    for i in range(nx):
-        for j in range(ny):
-            value[i, j] = cost[(i + 1) * width + j + 1]
-
-
 _HORIZON, STEP = 2.4, 0.2  # s, duration and time step of the prediction
 STEPS = int(_HORIZON / STEP + 0.5)
 _OBSTACLE_MARGIN = 0.02  # m to walls and furniture, below which a trajectory counts as blocked
@@ -486,7 +306,7 @@ def _path_cost(numbers: Array, layers: Array, x: float, y: float) -> float:
     """Cost of the path from a point to the goal, in metres of open ground."""
     _, nx, ny = layers.shape
     u, v = _grid_coordinate(x, numbers[_LOW_X], nx), _grid_coordinate(y, numbers[_LOW_Y], ny)
-    return _interpolated(layers, _VALUE, u, v)
+    return _interpolated(layers, VALUE, u, v)
 
 
 @subroutine
@@ -583,12 +403,12 @@ def _ground_cost(
     for k in range(STEPS):
         x, y = positions[X, k + 1, t, v], positions[Y, k + 1, t, v]
         i, j = _grid_coordinate(x, numbers[_LOW_X], nx), _grid_coordinate(y, numbers[_LOW_Y], ny)
-        covered += (_interpolated(layers, _PRICE, i, j) - 1.0) * motions[_SPEED, k, v]
+        covered += (_interpolated(layers, PRICE, i, j) - 1.0) * motions[_SPEED, k, v]
         if earliness > 0.0 and not has_price:
             continue
         # A corner of the grid cell, less than 1.5 cells away, tells whether a barrier can be near.
         is_in_grid = 0.0 < i < nx - 1.001 and 0.0 < j < ny - 1.001
-        if is_in_grid and layers[_CLEARANCE, int(i), int(j)] > near + 1.5 * CELL:
+        if is_in_grid and layers[CLEARANCE, int(i), int(j)] > near + 1.5 * CELL:
             continue
         distance = 1e9
         for n in range(len(nearby)):

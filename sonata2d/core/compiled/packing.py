@@ -10,11 +10,10 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Iterator, Set
-from contextlib import suppress
 from functools import cache
 from itertools import count
 from operator import index
-from typing import Annotated, Any, Generic, NamedTuple, NoReturn, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Generic, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 import cffi
 import numpy as np
@@ -171,7 +170,8 @@ def pack(value: T) -> Any:
             raise ValueError
         words[plan.addresses] = [int(_FFI.cast(_ADDRESS, _FFI.from_buffer(array))) for array in arrays]
     except ValueError:  # also of an array that is not contiguous
-        _refuse(value)
+        _require_arrays(value)
+        raise
     words[plan.shapes] = [length for array in arrays for length in array.shape]
     return words
 
@@ -240,23 +240,21 @@ def _flatten(value: Any, kind: type, items: list[Any]) -> None:
             items.append(item)
 
 
-def _refuse(value: Any) -> NoReturn:
-    """Raise the error of the first array that cannot be packed."""
+def _require_arrays(value: Any) -> None:
+    """Require arrays as the fields of a named tuple declare them, and of its named tuples.
+
+    Raises:
+        TypeError: a field has something else.
+    """
     for (name, dtype, dimensions), item in zip(layout(value.__class__), value, strict=True):
         if dimensions < 0:
-            with suppress(_Usable):
-                _refuse(item)
+            _require_arrays(item)
         elif dimensions:
             is_array = _is_array(item)
             if not (is_array and item.dtype == dtype and item.ndim == dimensions and item.flags.c_contiguous):
                 expected = f"a contiguous array of {np.dtype(dtype)} with {dimensions} dimensions"
                 got = f"{item.dtype} {item.shape}" if is_array else f"{item!r:.50}"
                 raise TypeError(f"{type(value).__name__}.{name} must be {expected}, got {got}")
-    raise _Usable
-
-
-class _Usable(Exception):
-    """All arrays of a named tuple can be packed."""
 
 
 if IS_COMPILED:

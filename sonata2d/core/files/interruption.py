@@ -174,5 +174,5 @@ def held_back() -> Iterator[None]:
     finally:
         for number, handler in kept.items():
             signal.signal(number, handler)
-        for arguments in received[:1]:
-            kept[signal.Signals(arguments[0])](*arguments)
+        if received:
+            kept[signal.Signals(received[0][0])](*received[0])
