@@ -39,8 +39,7 @@ class RunWithoutRobot:
         self._world, self._crowd, self._states = World(scene), Crowd(scene), list[Array]()
         self._run: CompiledRun | None = None
         if self._crowd.is_compiled:
-            commands = np.zeros((scene.rules.last_tick, 3))
-            self._run = CompiledRun.of_commands(self._world, self._crowd, commands)
+            self._run = CompiledRun.of_commands(self._world, self._crowd, np.zeros((0, 3)))
 
     def positions(self, count: int) -> Array:
         """(count, N, 2), m, positions of the humans at the first states, rounded as in files, NaN where absent."""

@@ -195,7 +195,7 @@ def _repeated(values: Sequence[Any], convert: Callable[[Any], Any], lengths: Seq
     previous: Any = None
     item = b""
     for value, length in zip(values, lengths, strict=True):
-        if value is not previous and (previous is None or not _is_same(value, previous)):
+        if previous is None or not _is_same(value, previous):
             previous, item = value, dumps(convert(value))
         items += [item] * length
     return items

@@ -72,10 +72,10 @@ class _Commands(NamedTuple):
 
 @kernel
 def _repeat(packed_memory: Any, tick: int, robot: Array, humans: Array, is_present: BoolArray, command: Array) -> None:
-    """The command of a tick; see `KernelController`."""
+    """The command of a tick, 0 after the last one; see `KernelController`."""
     commands = unpack(packed_memory, _Commands).commands
     for axis in range(3):
-        command[axis] = commands[tick, axis]
+        command[axis] = commands[tick, axis] if tick < len(commands) else 0.0
 
 
 class CompiledRun:
@@ -98,7 +98,7 @@ class CompiledRun:
 
     @classmethod
     def of_commands(cls, world: World, crowd: Crowd, commands: Array) -> CompiledRun:
-        """A run that repeats commands, (T, 3), by tick."""
+        """A run that repeats commands, (T, 3), by tick; after them the robot stands."""
         return cls(world, crowd, controller_address(_repeat), Packed(_Commands(commands)))
 
     def frames(self, first: Snapshot, limit: int | None = None) -> Frames:
