@@ -46,6 +46,7 @@ class FloorPlan(NamedTuple):
         return Graph(
             self.origins, self.nodes, self.first, self.item, self.visible, self.component,
             np.empty((2 * MOST_POINTS * capacity, NODE_SIZE)), np.zeros(len(self.nodes), dtype=bool), np.full(1, -1),
+            np.full(2, np.nan), np.zeros(len(self.nodes) + 1, dtype=bool),
             address_of(find_row, PACKED, PACKED, INT, FLOAT, FLOAT, INTS),
             address_of(complete, PACKED, PACKED),
         )  # fmt: skip

@@ -187,13 +187,15 @@ def _is_connected(
         sees_end: (n,), false everywhere; is filled.
         found: (n,) of int, scratch.
     """
-    has_end = np.zeros(len(graph.nodes) + 1, dtype=np.bool_)  # by component
+    if graph.start[X] != x or graph.start[Y] != y:
+        graph.start[X], graph.start[Y], graph.from_start[:] = x, y, False
+        for n in range(_row(space, graph, -1, x, y, found)):
+            graph.from_start[graph.component[found[n]]] = True
+    is_connected = False
     for n in range(_row(space, graph, -1, end_x, end_y, found)):
-        sees_end[found[n]] = has_end[graph.component[found[n]]] = True
-    for n in range(_row(space, graph, -1, x, y, found)):
-        if has_end[graph.component[found[n]]]:
-            return True
-    return False
+        sees_end[found[n]] = True
+        is_connected |= graph.from_start[graph.component[found[n]]]
+    return is_connected
 
 
 @subroutine

@@ -11,7 +11,7 @@ import numpy as np
 from .barrier_grid import Grid, Solids, column_of, is_near_line, row_of
 from .compiled.calls import call_for_int
 from .compiled.kernel import kernel, subroutine
-from .compiled.packing import Bools, Floats2, Ints, ShortInts2, unpack
+from .compiled.packing import Bools, Floats, Floats2, Ints, ShortInts2, unpack
 from .compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, Vector, length, towards
 from .free_space import TOLERANCE, Space, is_free, is_in_hole
 from .portable_math import PI, TAN_PI_8, Array, BoolArray, IntArray, unit_vectors
@@ -60,6 +60,8 @@ class Graph(NamedTuple):
             not free any more; free of all barriers; as many as `added_count`.
         is_covered: (n,) of bool, nodes that are not free of `Space.added`.
         added_count: (1,) of int, -1 before the last two are filled.
+        start, from_start: the last start of a search, m, and the components that are visible from it, (n + 1,) of
+            bool; a pedestrian without a destination tries several from one place.
         find_row, complete: addresses of the kernels of these names.
     """
 
@@ -72,6 +74,8 @@ class Graph(NamedTuple):
     added_nodes: Floats2
     is_covered: Bools
     added_count: Ints
+    start: Floats
+    from_start: Bools
     find_row: Ints
     complete: Ints
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import pickle
 import re
@@ -113,6 +114,16 @@ def two_rooms(width: float, humans: list[Human], **fields: object) -> Scene:
 def test_a_lone_walker_passes_a_doorway_both_ways(width: float) -> None:
     path = positions(simulate(two_rooms(width, [walker(1, -3.0, 2.0)], robot=Pose(3.5, 3.5), seed=1), 60.0))
     assert (np.diff(np.sign(path[:, 0, 0])) != 0).sum() >= 2
+
+
+@pytest.mark.parametrize("is_closed", [False, True])
+def test_a_walker_between_walls_on_all_sides_stands(is_closed: bool) -> None:
+    corners = ((1.3, 1.3), (2.7, 1.3), (2.7, 2.7), (1.3, 2.7), (1.3, 1.3))
+    inner = [Wall(*ends) for ends in itertools.pairwise(corners)][0 if is_closed else 2 :]
+    snapshots = simulate(room([walker(1, 2.1, 1.95)], inner=inner, robot=Pose(-3.5, 3.5), seed=1), 30.0)
+    standing = np.mean([s.humans[0].activity == "standing" for s in snapshots[1:]])
+    moved = float(np.max(np.linalg.norm(positions(snapshots)[:, 0] - (2.1, 1.95), axis=1)))
+    assert (standing > 0.9 and moved < 0.2) if is_closed else (standing < 0.5 and moved > 2.0)
 
 
 def head_on_scene(y: float = 0.0, side: int = 1, **fields: object) -> Scene:

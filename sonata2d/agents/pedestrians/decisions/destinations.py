@@ -55,6 +55,7 @@ _STOPPING_DISTANCE = 0.8  # m from the goal, within which a pedestrian that is t
 _MINIMUM_TRIP = 2.0  # m; random destinations nearer than this are rejected
 _MEMBER_HALF_WIDTH = 0.4  # m, half the width that each member of a group needs at its destination
 _ATTEMPTS = 30
+_NO_DESTINATION_PAUSE = 2.0  # s, for which a pedestrian stands if no attempt finds a destination
 _KINDS = np.array([VISIT, TALK, SIT, QUEUE, EXIT])  # in the order in which they are drawn
 
 
@@ -117,8 +118,8 @@ def choose_destination(packed_state: Any, k: int, tick: int) -> None:
         duration = uniform_between(crowd.draws, k, PLACES, low, high) if high > 0.0 else 0.0
         _plan_stay(crowd, k, duration, goal_x, goal_y)
         return
-    route[0, 0], route[0, 1] = x, y
-    set_path(routes, journeys, k, route, 1, 0)
+    # No place is in reach, as between walls on all sides: look again later, since every attempt costs two searches.
+    _stay_here(crowd, k, _NO_DESTINATION_PAUSE, tick)
 
 
 @kernel
