@@ -5,18 +5,6 @@ from .check.verification import verify as verify
 from .generate.run import generate_dataset as generate_dataset
 from .manifest.names import CROISSANT as CROISSANT, MANIFEST as MANIFEST, METRICS as METRICS
 from .manifest.rows import files_of as files_of, read_manifest as read_manifest
-from .motion import (
-    Motion as Motion,
-    motion_of as motion_of,
-    subsampled as subsampled,
-    with_pose_noise as with_pose_noise,
-)
-from .reference_frames import (
-    goal_frame as goal_frame,
-    robot_frame as robot_frame,
-    seen_from as seen_from,
-    world_frame as world_frame,
-)
 from .transforms.merge import merge_datasets as merge_datasets
 from .transforms.mirror import (
     mirror_dataset as mirror_dataset,

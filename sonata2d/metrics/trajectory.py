@@ -15,7 +15,7 @@ from ..core.portable_math import Array, BoolArray, unit_vectors
 from ..core.scene import Scene
 from ..core.snapshot import CLOSING_SPEED
 from ..core.vectors import lengths, wrap_angles
-from ..datasets.motion import OMEGA, THETA, VX, VY
+from ..record.motion import OMEGA, THETA, VX, VY
 from ..record.record import EpisodeRecord
 from .shortest_path import shortest_length
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from sonata2d.datasets.motion import Motion, motion_of, subsampled, with_pose_noise
-from sonata2d.datasets.reference_frames import goal_frame, robot_frame, seen_from, world_frame
 from sonata2d.datasets.transforms.mirror import mirrored
+from sonata2d.record.motion import Motion, motion_of, subsampled, with_pose_noise
 from sonata2d.record.record import EpisodeRecord
+from sonata2d.record.reference_frames import goal_frame, robot_frame, seen_from, world_frame
 
 COORDINATE = st.floats(-20.0, 20.0)
 

@@ -69,7 +69,7 @@ def commands(*lines: str) -> tuple[Use, ...]:
 
 def read_everything(path: Path) -> None:
     """Restore all that a record holds, and what the window shows of it."""
-    from sonata2d.datasets.motion import motion_of
+    from sonata2d.record.motion import motion_of
     from sonata2d.record.reader import read_episode
     from sonata2d.window.playback import Player
     from sonata2d.window.run_texts import frame_label, frame_summary, run_summary

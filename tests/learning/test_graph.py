@@ -17,7 +17,6 @@ from sonata2d.core.geometry import Disc
 from sonata2d.core.portable_math import Array
 from sonata2d.core.relations import RELATIONS as INTERACTIONS
 from sonata2d.core.vectors import wrap_angle
-from sonata2d.datasets.motion import motion_of
 from sonata2d.datasets.transforms.mirror import mirrored
 from sonata2d.errors import Sonata2dError
 from sonata2d.formats import sonata
@@ -27,6 +26,7 @@ from sonata2d.learning.graph.features import FEATURES
 from sonata2d.learning.graph.graph import NODE_TYPES, RELATIONS, Graph, wall_pieces
 from sonata2d.learning.graph.modern import modern_graph
 from sonata2d.learning.graph.paper import kept_ticks, paper_graphs
+from sonata2d.record.motion import motion_of
 from sonata2d.record.reader import read_episode, record_from_document
 from sonata2d.record.record import EpisodeRecord
 from sonata2d.view.graph_picture import NODE_COLOUR

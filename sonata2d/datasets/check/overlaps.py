@@ -12,8 +12,8 @@ from ...core.geometry import Barriers, Disc
 from ...core.humans import X, Y
 from ...core.portable_math import Array, BoolArray, IntArray, unit_vectors
 from ...core.relations import ACTIVITIES
+from ...record.motion import THETA
 from ...record.record import EpisodeRecord
-from ..motion import THETA
 
 _SITTING = ACTIVITIES.index("sitting")  # also while a pedestrian sits down and gets up
 # Columns of the solids: centre, direction of the length, and half of length and width of a rectangle, or -1.

@@ -17,9 +17,9 @@ from ...core.turning import BODY_TURN
 from ...core.vectors import wrap_angle
 from ...record.canonical import rounded_rows
 from ...record.layout import HUMAN_ANGLES, ROBOT_ANGLES
+from ...record.motion import THETA, VX, VY, X, Y
 from ...record.record import EpisodeRecord
 from ...sim.kernel.rules import maximum_speeds, walking_speeds
-from ..motion import THETA, VX, VY, X, Y
 from .overlaps import overlaps
 
 MAXIMUM_OVERLAP = 0.06  # m, of outlines: the physics detects a contact only after the bodies have moved

@@ -24,6 +24,7 @@ from ...errors import RecordError
 from ...record.canonical import serialise, to_json_value
 from ...record.files import compress, file_stem, file_suffix, read_stored, write_atomically
 from ...record.layout import JsonDict
+from ...record.motion import HEAD, OMEGA, THETA, VY, Y
 from ...record.reader import read_episode, record_from_document
 from ...record.record import EpisodeRecord
 from ..card.write import licence_of, write_manifest_and_card
@@ -37,7 +38,6 @@ from ..manifest.rows import (
     warn_if_incomplete,
     with_rows,
 )
-from ..motion import HEAD, OMEGA, THETA, VY, Y
 from ..shards import write_shard
 from ..workers.executors import Workers, parallel_map, shared_workers
 from ..workers.processes import end_if_unguarded

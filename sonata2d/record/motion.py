@@ -13,8 +13,8 @@ from ..core.entities import Interaction
 from ..core.humans import frozen
 from ..core.portable_math import Array, BoolArray, IntArray
 from ..core.vectors import wrap_angles
-from ..record.layout import interactions_from_rows
-from ..record.record import EpisodeRecord
+from .layout import interactions_from_rows
+from .record import EpisodeRecord
 
 Reference = Literal["world", "goal", "robot"]
 
