@@ -83,7 +83,9 @@ def engine_steps(work: Callable[[], Any], *, through_pymunk: bool = False) -> li
         patch.object(Crowd, "is_compiled", False),  # physics apart from the decisions
         patch.object(world, "EngineMemory", Memory),
         patch.multiple(world, Packed=Unpacked, **interpreted),
-        patch.multiple(step, unpack=lambda value, kind: value),
+        patch.multiple(
+            step, unpack=lambda value, kind: value, call=lambda address, arguments: address.origin[0](*arguments)
+        ),
         patch.object(chipmunk, "_call", call),
     ):
         work()

@@ -15,6 +15,7 @@ from .output import show_json, show_table, wants_json
 
 if TYPE_CHECKING:
     from sonata2d.collect.agreement import Agreement, RaterConsistency
+    from sonata2d.core.geometry import Shape
     from sonata2d.core.scene import Scene, Unmeasured
 
 Rows = list[tuple[str, object]]
@@ -177,6 +178,17 @@ def _delay_rows(folder: Path, files: list[dict[str, Any]]) -> Rows:
     return [("round trip", f"{words} (medians of {len(trips)} runs); slowest run {trips[slowest][0]:.3f} s, {slowest}")]
 
 
+def _outline_text(shape: Shape) -> str:
+    """The outline of a robot in words."""
+    from sonata2d.core.geometry import Disc, Rectangle
+
+    length, width = shape.sides
+    if isinstance(shape, Disc):
+        return f"radius {shape.radius:g} m"
+    kind = "rectangle" if isinstance(shape, Rectangle) else f"polygon of {len(shape.core)} corners"
+    return f"{kind}, {length:g} m long, {width:g} m wide"
+
+
 def _measured(scene: Scene, name: Unmeasured, text: str) -> str:
     """The text, unless the source of an imported episode lacks the value."""
     return "not in the source" if name in scene.unmeasured else text
@@ -212,7 +224,7 @@ def _episode_rows(path: Path) -> Rows:
         ("objects", [thing.type for thing in scene.furniture]),
         *((kind, len(marks)) for kind, marks in landmarks.items() if marks),
         ("interactions", [[i.src, i.relation, i.dst] for i in scene.interactions]),
-        ("robot", _measured(scene, "robot", f"{scene.robot.kinematics}, radius {scene.robot.radius:g} m")),
+        ("robot", _measured(scene, "robot", f"{scene.robot.kinematics}, {_outline_text(scene.robot.outline)}")),
         ("goal", _measured(scene, "goal", goal)),
         ("frames", f"{len(record)}, one each {scene.rules.dt} s"),
         ("outcome", f"{record.outcome.status}: {record.outcome.reason}"),

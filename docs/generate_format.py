@@ -35,9 +35,9 @@ BASE = "https://json-schema.org/draft/2020-12/schema"
 
 INTRO = f"""\
 <!-- written by docs/generate_format.py from sonata2d/core, sonata2d/record and sonata2d/datasets -->
-# The episode file, version {FORMAT_VERSION}
+# The episode file, versions 1 and {FORMAT_VERSION}
 
-One JSON document per episode, `.json`, `.json.gz` or `.json.zst`; [JSON Schema](schema/episode-v1.schema.json). Every
+One JSON document per episode, `.json`, `.json.gz` or `.json.zst`; [JSON Schema](schema/episode-v2.schema.json). Every
 top-level key and every frame is on a line of its own. `json` alone reads it:
 
 ```python
@@ -301,7 +301,7 @@ def _listed(section: type, defaults: dict[str, Any], title: str = "") -> str:
 def pages() -> dict[Path, str]:
     """The text of every generated file."""
     schemas = {
-        "episode-v1": models.Episode,
+        "episode-v2": models.Episode,
         "manifest-v1": manifest_models.Manifest,
         "manifest-v2": manifest_models.ShardedManifest,
     }

@@ -1,10 +1,10 @@
 """Named objects: built-in ones, and plug-ins that installed packages publish as entry points.
 
 These kinds can be extended by other packages, each through an entry-point group: controllers (`sonata2d.controllers`),
-pedestrian models (`sonata2d.pedestrian_models`), formats (`sonata2d.formats`), metrics (`sonata2d.metrics`), room kinds
-(`sonata2d.room_kinds`), question kinds (`sonata2d.question_kinds`), parts of observations
-(`sonata2d.observation_parts`) and types of furniture (`sonata2d.furniture_types`). CONTRIBUTING.md describes the entry
-points of each group.
+pedestrian models (`sonata2d.pedestrian_models`), drives of robots (`sonata2d.drives`), formats (`sonata2d.formats`),
+metrics (`sonata2d.metrics`), room kinds (`sonata2d.room_kinds`), question kinds (`sonata2d.question_kinds`), parts of
+observations (`sonata2d.observation_parts`) and types of furniture (`sonata2d.furniture_types`). CONTRIBUTING.md
+describes the entry points of each group.
 
 Listing names imports nothing; an object is imported when it is loaded.
 """
@@ -16,6 +16,7 @@ import logging
 import pickle
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import is_dataclass
 from difflib import get_close_matches
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
@@ -207,6 +208,20 @@ PEDESTRIAN_MODELS = Registry(
     ConfigError,
 )
 
+_DRIVES = "sonata2d.agents.drives.built_in"
+DRIVES = Registry(
+    "drive",
+    "sonata2d.drives",
+    {
+        "holonomic": f"{_DRIVES}:Holonomic",
+        "unicycle": f"{_DRIVES}:Unicycle",
+        "differential": f"{_DRIVES}:Differential",
+        "omni": f"{_DRIVES}:Omni",
+        "bicycle": f"{_DRIVES}:Bicycle",
+    },
+    ConfigError,
+)
+
 FORMATS = Registry(
     "format",
     "sonata2d.formats",
@@ -256,6 +271,20 @@ FURNITURE_TYPES = Registry(
 )
 
 
+def drive_class(name: str) -> Any:
+    """Load the class of a drive by name, a subclass of `sonata2d.agents.Drive`.
+
+    Raises:
+        ConfigError: the name is unknown, or the plug-in does not load or is no such class.
+    """
+
+    def check(item: object) -> str | None:
+        is_drive = isinstance(item, type) and is_dataclass(item) and hasattr(item, "is_coupled")
+        return None if is_drive else "is not a dataclass derived from sonata2d.agents.Drive"
+
+    return DRIVES.load(name, check)
+
+
 def furniture_type(name: str) -> FurnitureType:
     """Load a type of furniture by name.
 
@@ -290,7 +319,7 @@ def furniture_types() -> dict[str, FurnitureType]:
 _REGISTRIES = {
     registry.kind: registry
     for registry in (
-        *(CONTROLLERS, PEDESTRIAN_MODELS, FORMATS, METRICS, ROOM_KINDS),
+        *(CONTROLLERS, PEDESTRIAN_MODELS, DRIVES, FORMATS, METRICS, ROOM_KINDS),
         *(QUESTION_KINDS, OBSERVATION_PARTS, FURNITURE_TYPES),
     )
 }

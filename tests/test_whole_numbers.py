@@ -23,12 +23,12 @@ import pytest
 
 import sonata2d as s2
 import sonata2d.agents as s2a
-import sonata2d.datasets as s2d
 import sonata2d.formats as s2f
 import sonata2d.gym as s2g
 import sonata2d.learning as s2l
 import sonata2d.learning.graph as s2lg
 import sonata2d.metrics as s2m
+import sonata2d.record as s2r
 import sonata2d.testing as s2t
 import sonata2d.view as s2v
 from sonata2d.agents import KernelController
@@ -246,8 +246,8 @@ CASES: dict[str, Callable[[Number], Any]] = {
     "sonata2d.agents.DeviceMapping": lambda n: s2a.DeviceMapping({"w": ("ahead", n(1))}, n(0), n(1)).settings(),
     "sonata2d.agents.DeviceMapping.read": lambda n: mapping().read({"w": n(1), "left_x": n(1), "left_y": n(0)}),
     "sonata2d.agents.DeviceMapping.shape_stick": lambda n: mapping().shape_stick(n(1), n(0)),
-    "sonata2d.datasets.with_pose_noise": lambda n: s2d.with_pose_noise(
-        s2d.motion_of(record()), 3, position=n(1), angle=n(1)
+    "sonata2d.record.with_pose_noise": lambda n: s2r.with_pose_noise(
+        s2r.motion_of(record()), 3, position=n(1), angle=n(1)
     ),
     "sonata2d.formats.Options": recording,
     "sonata2d.formats.scenario_from_tracks": recording,
@@ -299,7 +299,7 @@ MADE = {
     "sonata2d.Outcome",
     "sonata2d.Snapshot",
     "sonata2d.datasets.DaskExecutor",
-    "sonata2d.datasets.Motion",
+    "sonata2d.record.Motion",
     "sonata2d.learning.graph.Graph",
     "sonata2d.metrics.Interval",
     "sonata2d.metrics.Measured",

@@ -9,3 +9,4 @@ from .controllers.teleoperation import (
     DeviceMapping as DeviceMapping,
     Teleoperation as Teleoperation,
 )
+from .drives.base import Drive as Drive

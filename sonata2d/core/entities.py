@@ -11,12 +11,11 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from .bounds import Capacity, Count, Fraction, Id, NotNegative, Number, Positive
-from .geometry import Disc, Point, Pose, Rectangle, Shape, Stadium
+from .geometry import Disc, Point, Pose, Rectangle, Shape, Stadium, quantised
 from .vectors import wrap_angle
 
 Behaviour = Literal["standing", "wandering", "walking", "recorded"]
 Reaction = Literal["ignores", "avoids", "stops", "curious", "scared"]
-Kinematics = Literal["holonomic", "unicycle"]
 EndsOn = Literal["goal", "time", "contact"]
 Formation = Literal["abreast", "v", "face_to_face", "l", "side_by_side", "circle", "semicircle"]
 
@@ -75,7 +74,7 @@ class Furniture:
             clearance: of these places from the object, m.
         """
         shape, (x, y), (fx, fy) = self.shape, self.pose.position, self.front
-        half = (shape.radius, shape.radius) if isinstance(shape, Disc) else (shape.length / 2, shape.width / 2)
+        half = [side / 2 for side in shape.sides]
         ahead, aside = min(half) + clearance, max(half) + clearance
         return [(x + fx * ahead, y + fy * ahead), (x - fy * aside, y + fx * aside), (x + fy * aside, y - fx * aside)]
 
@@ -297,26 +296,53 @@ class Limits:
     turn_acceleration: Positive = 3.0
 
 
+ADDITIVE = {"additive": True}  # metadata of fields that files hold only where they differ from the default
+_FORWARD_ONLY = ("unicycle", "differential", "bicycle")  # built-in drives without sideways motion
+
+
 @dataclass(frozen=True, slots=True)
 class Robot:
     """The robot's start, outline and drive.
 
     Attributes:
         pose: at the start, world frame.
-        radius: of the solid outline, a disc, m.
-        kinematics: holonomic: moves in every direction; unicycle: along its heading only.
+        radius: of the solid outline, a disc, m; of another outline, of the smallest circle around it.
+        kinematics: name of the drive; holonomic: moves in every direction; unicycle: along its heading only.
         limits: of the drive.
+        shape: solid outline that is no disc; None: the disc.
+        drive: parameters of the drive by name, see the section on drives in the docs; None: it has none.
     """
 
     pose: Pose
     radius: Positive = 0.30
-    kinematics: Kinematics = "holonomic"
+    kinematics: str = "holonomic"
     limits: Limits = field(default_factory=Limits)
+    shape: Shape | None = field(default=None, metadata=ADDITIVE)
+    drive: dict[str, Number] | None = field(default=None, metadata=ADDITIVE)
+
+    def __post_init__(self) -> None:
+        if self.shape is not None:
+            radius = self.shape.circumradius
+            if isinstance(self.shape, Disc):
+                object.__setattr__(self, "shape", None)
+            else:  # the circle lies around the outline in spite of rounding
+                radius = math.ceil(radius * 10_000.0 - 1e-6) / 10_000.0
+            object.__setattr__(self, "radius", quantised(radius))
+
+    @property
+    def outline(self) -> Shape:
+        """The solid outline."""
+        return self.shape or Disc(self.radius)
+
+    @property
+    def moves_sideways(self) -> bool:
+        """Whether the drive can move sideways; of a plug-in, unless its parameter `sideways` is 0."""
+        return self.kinematics not in _FORWARD_ONLY and (self.drive or {}).get("sideways", 1.0) != 0.0
 
     @property
     def sideways_limit(self) -> float:
-        """Limit of the sideways speed, m/s; 0 for a unicycle."""
-        return self.limits.sideways if self.kinematics == "holonomic" else 0.0
+        """Limit of the sideways speed, m/s; 0 for a drive that moves along its heading only."""
+        return self.limits.sideways if self.moves_sideways else 0.0
 
     @property
     def top_speed(self) -> float:

@@ -63,6 +63,8 @@ def _converted(value: Any, place: str) -> Any:
     if is_dataclass(value):
         make_floats(value, place)
         return value
+    if isinstance(value, dict):
+        return {key: _converted(item, f"{place}.{key}") for key, item in value.items()}
     if hasattr(value, "tolist"):
         value = value.tolist()
     return _converted(tuple(value), place) if isinstance(value, list) else finite_number(place, value)

@@ -12,8 +12,8 @@ import numpy as np
 
 from .bounds import MAX_MAGNITUDE, Number, Positive
 from .floats import make_floats
-from .portable_math import Array, BoolArray, IntArray, unit_vector
-from .vectors import X, Y, lengths, wrap_angle
+from .portable_math import Array, BoolArray, IntArray, angle_of, unit_vector
+from .vectors import X, Y, length, lengths, wrap_angle
 
 PRECISION = 1e-4  # m, rad, m/s, ...: resolution of the numbers in files, and of those that worlds are built from
 Point = tuple[Number, Number]
@@ -114,8 +114,60 @@ class Twist:
         return Twist(quantised(self.vx), quantised(self.vy), quantised(self.omega))
 
 
+class Outline:
+    """Base class of outlines: all points within `rounding` of a convex polygon, the core.
+
+    Attributes:
+        core: corners of the core in the body frame, counter-clockwise, m; one point for a disc, two for a stadium.
+        rounding: m.
+    """
+
+    __slots__ = ()
+
+    @property
+    def core(self) -> tuple[Point, ...]:
+        raise NotImplementedError
+
+    @property
+    def rounding(self) -> float:
+        return 0.0
+
+    @property
+    def circumradius(self) -> float:
+        """Radius of the smallest circle around the centre that contains the shape, m."""
+        return max(math.sqrt(x * x + y * y) for x, y in self.core) + self.rounding
+
+    @property
+    def inradius(self) -> float:
+        """Radius of the largest circle around the centre within the shape, m; 0 if the centre lies outside."""
+        core = self.core
+        if len(core) < 3:  # the centre lies on the core
+            return self.rounding
+        sides = zip(core, (*core[1:], core[0]), strict=True)
+        depths = [(a[X] * b[Y] - a[Y] * b[X]) / length(b[X] - a[X], b[Y] - a[Y]) for a, b in sides]
+        return max(min(depths), 0.0) + self.rounding
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Length and width of the rectangle around the shape, along and across the heading, m."""
+        ahead, left = ([point[axis] for point in self.core] for axis in (X, Y))
+        return max(ahead) - min(ahead) + 2.0 * self.rounding, max(left) - min(left) + 2.0 * self.rounding
+
+    def corners(self, pose: Pose) -> list[Point]:
+        """The corners of the core at a pose, counter-clockwise, world frame."""
+        c, s = pose.direction
+        return [(pose.x + ahead * c - left * s, pose.y + ahead * s + left * c) for ahead, left in self.core]
+
+    def edges(self, pose: Pose) -> list[Edge]:
+        """The outline at a pose as thick segments: its sides; one segment for a disc and for a stadium."""
+        corners = self.corners(pose)
+        if len(corners) < 3:
+            return [(corners[0], corners[-1], self.rounding)]
+        return [(a, b, self.rounding) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)]
+
+
 @dataclass(frozen=True, slots=True)
-class Disc:
+class Disc(Outline):
     """A circular outline.
 
     Attributes:
@@ -125,22 +177,19 @@ class Disc:
     radius: Positive
 
     @property
-    def sides(self) -> tuple[float, float]:
-        """Length and width of the square around the disc, m."""
-        return 2.0 * self.radius, 2.0 * self.radius
+    def core(self) -> tuple[Point, ...]:
+        return ((0.0, 0.0),)
 
     @property
-    def circumradius(self) -> float:
-        """Radius of the smallest circle around the centre that contains the shape, m."""
+    def rounding(self) -> float:
         return self.radius
 
-    def edges(self, pose: Pose) -> list[Edge]:
-        """The outline at a pose as one thick segment of zero length."""
-        return [(pose.position, pose.position, self.radius)]
+    def corners(self, pose: Pose) -> list[Point]:
+        return [pose.position]
 
 
 @dataclass(frozen=True, slots=True)
-class Rectangle:
+class Rectangle(Outline):
     """A rectangular outline, centred at the pose of the body.
 
     Attributes:
@@ -152,30 +201,25 @@ class Rectangle:
     width: Positive
 
     @property
+    def core(self) -> tuple[Point, ...]:
+        a, b = self.length / 2, self.width / 2
+        return (a, b), (-a, b), (-a, -b), (a, -b)
+
+    @property
     def sides(self) -> tuple[float, float]:
-        """Length and width, m."""
         return self.length, self.width
 
     @property
+    def inradius(self) -> float:
+        return min(self.length, self.width) / 2
+
+    @property
     def circumradius(self) -> float:
-        """Radius of the smallest circle around the centre that contains the shape, m."""
         return math.sqrt(self.length * self.length + self.width * self.width) / 2
-
-    def corners(self, pose: Pose) -> list[Point]:
-        """The four corners at a pose, counter-clockwise, world frame."""
-        a, b, x, y = self.length / 2, self.width / 2, pose.x, pose.y
-        c, s = pose.direction
-        corners = ((a, b), (-a, b), (-a, -b), (a, -b))
-        return [(x + ahead * c - left * s, y + ahead * s + left * c) for ahead, left in corners]
-
-    def edges(self, pose: Pose) -> list[Edge]:
-        """The outline at a pose as four segments of zero radius."""
-        corners = self.corners(pose)
-        return [(a, b, 0.0) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)]
 
 
 @dataclass(frozen=True, slots=True)
-class Stadium:
+class Stadium(Outline):
     """The outline of a person: all points within `radius` of a line across the heading; m.
 
     Attributes:
@@ -186,18 +230,76 @@ class Stadium:
     shoulder: float
 
     @property
+    def core(self) -> tuple[Point, ...]:
+        return (0.0, self.shoulder), (0.0, -self.shoulder)
+
+    @property
+    def rounding(self) -> float:
+        return self.radius
+
+    @property
     def circumradius(self) -> float:
-        """Radius of the smallest circle around the centre that contains the shape, m."""
         return self.radius + self.shoulder
 
-    def edges(self, pose: Pose) -> list[Edge]:
-        """The outline at a pose as one thick segment, from the left end of the line to the right one."""
+    def corners(self, pose: Pose) -> list[Point]:
         c, s = pose.direction
         dx, dy = -s * self.shoulder, c * self.shoulder
-        return [((pose.x + dx, pose.y + dy), (pose.x - dx, pose.y - dy), self.radius)]
+        return [(pose.x + dx, pose.y + dy), (pose.x - dx, pose.y - dy)]
 
 
-Shape = Disc | Rectangle  # of furniture
+@dataclass(frozen=True, slots=True)
+class Polygon(Outline):
+    """A convex polygon; the pose of the body is the origin of the corners' coordinates.
+
+    A polygon that is not convex, whose sides cross or whose corners are clockwise, raises a ValueError.
+
+    Attributes:
+        points: the corners in the body frame, counter-clockwise, m; 3 to 16.
+    """
+
+    points: tuple[Point, ...]
+
+    def __post_init__(self) -> None:
+        make_floats(self)
+        checked_corners(self.points)
+
+    @property
+    def core(self) -> tuple[Point, ...]:
+        return self.points
+
+
+MOST_CORNERS = 16
+
+
+def checked_corners(corners: tuple[Point, ...]) -> tuple[Point, ...]:
+    """The corners of a `Polygon` as given.
+
+    Raises:
+        ValueError: as `Polygon`.
+    """
+    fault = _fault_of(corners)
+    if fault:
+        raise ValueError(f"{fault}; give 3 to {MOST_CORNERS} corners of a convex polygon, counter-clockwise")
+    return corners
+
+
+def _fault_of(corners: tuple[Point, ...]) -> str:
+    """The reason why points are not the corners of a convex polygon in counter-clockwise order; empty if they are."""
+    count = len(corners)
+    if not 3 <= count <= MOST_CORNERS:
+        return f"the polygon has {count} corners"
+    turned = 0.0
+    for k, (bx, by) in enumerate(corners):
+        (ax, ay), (cx, cy) = corners[k - 1], corners[(k + 1) % count]
+        ux, uy, vx, vy = bx - ax, by - ay, cx - bx, cy - by
+        cross = ux * vy - uy * vx
+        if cross <= 1e-9 * max(1.0, (ux * ux + uy * uy) + (vx * vx + vy * vy)):
+            return f"the polygon does not turn left at its corner ({bx:g}, {by:g})"
+        turned += angle_of(cross, ux * vx + uy * vy)
+    return "" if turned < 7.0 else "the sides of the polygon cross"
+
+
+Shape = Disc | Rectangle | Polygon  # of furniture and robots
 
 
 _START, _END, _RADIUS, _ALONG, _INVERSE = slice(0, 2), slice(2, 4), 4, slice(5, 7), 7  # columns of `Barriers.table`

@@ -1,4 +1,4 @@
-"""Outlines of discs and rectangles: gaps between them, and whether they have space in a room."""
+"""Outlines in the plane: gaps between them, and whether they have space in a room."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from .compiled.scalar import (
     RADIUS,
     START_X,
     START_Y,
+    Vector,
     canonical_angle,
     crosses,
     gap,
@@ -27,29 +28,31 @@ from .compiled.scalar import (
     quantised,
     unit_vector,
 )
-from .geometry import Disc, Pose, Shape
+from .geometry import MOST_CORNERS, Pose, Shape
 from .portable_math import Array
 from .vectors import X, Y
 
-# Columns of an outline for kernels, after the position of its centre: its heading, half its length and width, radius of
-# the smallest circle around it, 1 for a disc and 0 for a rectangle, and the gap that it must keep from walls.
-COLUMNS = 8
-THETA, _HALF_LENGTH, _HALF_WIDTH, _CIRCUMRADIUS, _IS_DISC, _WALL_GAP = range(2, COLUMNS)
+# Columns of an outline for kernels, after the position of its centre: its heading, radii of the circles around it and
+# within it, its rounding, the gap that it must keep from walls, number of corners of its core, and their coordinates in
+# the body frame.
+THETA, _CIRCUMRADIUS, _INRADIUS, _ROUNDING, _WALL_GAP, _CORNERS, _CORE = range(2, 9)
+COLUMNS = _CORE + 2 * MOST_CORNERS
 
-OutlineRow = tuple[float, float, float, float, float, float, float, float]
+OutlineRow = tuple[float, ...]
 Line = tuple[float, float, float, float]  # start and end, m
+_FILL = (0.0,) * (2 * MOST_CORNERS)
 
 
 def outline_row(shape: Shape, pose: Pose, wall_gap: float = 0.0) -> OutlineRow:
-    """An outline as a row of numbers for kernels.
+    """An outline as a row of COLUMNS numbers for kernels.
 
     Args:
         shape, pose: of the outline.
         wall_gap: that the outline must keep from walls, m.
     """
-    if isinstance(shape, Disc):
-        return pose.x, pose.y, pose.theta, shape.radius, shape.radius, shape.radius, 1.0, wall_gap
-    return pose.x, pose.y, pose.theta, shape.length / 2, shape.width / 2, shape.circumradius, 0.0, wall_gap
+    core = shape.core
+    sizes = shape.circumradius, shape.inradius, shape.rounding, wall_gap, float(len(core))
+    return (pose.x, pose.y, pose.theta, *sizes, *(c for point in core for c in point), *_FILL[2 * len(core) :])
 
 
 def shape_gap(shape: Shape, pose: Pose, other: Shape, other_pose: Pose) -> float:
@@ -117,7 +120,7 @@ def _have_space(walls: Array, borders: Array, outlines: Array, others: Array, cl
                 return False
         for k in range(i):
             # People who start together may be as near as their arrangement puts them: they need no more than to touch.
-            both = outlines[i, _IS_DISC] == 1.0 and outlines[k, _IS_DISC] == 1.0
+            both = outlines[i, _CORNERS] == 1.0 and outlines[k, _CORNERS] == 1.0
             if not _has_clearance(outlines, i, outlines, k, -_TOUCHING if both else clearance):
                 return False
     return True
@@ -133,13 +136,13 @@ def _is_off_walls(outlines: Array, i: int, walls: Array) -> bool:
     """Whether an outline keeps its gap to all walls."""
     x, y = outlines[i, X], outlines[i, Y]
     minimum: float = outlines[i, _WALL_GAP]
-    inner_radius = min(outlines[i, _HALF_LENGTH], outlines[i, _HALF_WIDTH])
+    inner_radius: float = outlines[i, _INRADIUS]
     for k in range(len(walls)):
         if gap(walls, k, x, y) < inner_radius + minimum:  # the inscribed circle: a cheap test that rejects most poses
             return False
-    if outlines[i, _IS_DISC] == 1.0:
+    if outlines[i, _CORNERS] == 1.0:
         return True
-    return _edges_gap(_edges(outlines, i), walls) >= minimum
+    return bool(_edges_gap(_edges(outlines, i), walls) - outlines[i, _ROUNDING] >= minimum)
 
 
 @subroutine
@@ -154,47 +157,58 @@ def _has_clearance(outlines: Array, i: int, others: Array, k: int, clearance: fl
 @subroutine
 def _gap(outlines: Array, i: int, others: Array, k: int) -> float:
     """Gap between two outlines, m; 0 where they touch or overlap, below 0 for discs."""
-    radius: float = outlines[i, _CIRCUMRADIUS] if outlines[i, _IS_DISC] == 1.0 else 0.0
-    if outlines[i, _IS_DISC] == 1.0 and others[k, _IS_DISC] == 1.0:
+    radius: float = outlines[i, _ROUNDING]
+    if outlines[i, _CORNERS] == 1.0 and others[k, _CORNERS] == 1.0:
         distance = length(outlines[i, X] - others[k, X], outlines[i, Y] - others[k, Y])
-        between: float = distance - radius - others[k, _CIRCUMRADIUS]
+        between: float = distance - radius - others[k, _ROUNDING]
         return between
     # A shape within the other one has a positive distance to its edges.
-    if _contains(outlines, i, others[k, X], others[k, Y]) or _contains(others, k, outlines[i, X], outlines[i, Y]):
+    own, their = _edges(outlines, i), _edges(others, k)
+    if _contains(outlines, i, their[0, START_X], their[0, START_Y]) or _contains(
+        others, k, own[0, START_X], own[0, START_Y]
+    ):
         return 0.0
-    return max(_edges_gap(_edges(outlines, i), _edges(others, k)) - radius, 0.0)
+    return max(_edges_gap(own, their) - radius, 0.0)
 
 
 @subroutine
 def _contains(outlines: Array, i: int, x: float, y: float) -> bool:
-    """Whether a point lies within an outline."""
+    """Whether a point lies within an outline; of a polygon, within its core."""
     c, s = unit_vector(outlines[i, THETA])
     dx, dy = x - outlines[i, X], y - outlines[i, Y]
     ahead, left = dx * c + dy * s, dy * c - dx * s
-    if outlines[i, _IS_DISC] == 1.0:
-        return bool(ahead * ahead + left * left <= outlines[i, _CIRCUMRADIUS] * outlines[i, _CIRCUMRADIUS])
-    return bool(abs(ahead) <= outlines[i, _HALF_LENGTH] and abs(left) <= outlines[i, _HALF_WIDTH])
+    count = int(outlines[i, _CORNERS])
+    if count < 3:
+        return bool(ahead * ahead + left * left <= outlines[i, _ROUNDING] * outlines[i, _ROUNDING])
+    for e in range(count):
+        (ax, ay), (bx, by) = _corner(outlines, i, e), _corner(outlines, i, (e + 1) % count)
+        if (bx - ax) * (left - ay) < (by - ay) * (ahead - ax):
+            return False
+    return True
+
+
+@subroutine
+def _corner(outlines: Array, i: int, e: int) -> Vector:
+    """Corner e of the core in the body frame, m."""
+    return outlines[i, _CORE + 2 * e], outlines[i, _CORE + 2 * e + 1]
 
 
 @subroutine
 def _edges(outlines: Array, i: int) -> Array:
-    """An outline as thick segments, in rows of `Barriers.table` and the order of `Shape.edges`."""
-    is_disc = outlines[i, _IS_DISC] == 1.0
-    edges = np.empty((1 if is_disc else 4, 8))
+    """An outline as thick segments, in rows of `Barriers.table` and the order of `Outline.edges`."""
+    count = int(outlines[i, _CORNERS])
+    edges = np.empty((count, 8))
     c, s = unit_vector(outlines[i, THETA])
-    for e in range(len(edges)):
-        x, y = outlines[i, X], outlines[i, Y]
-        if not is_disc:
-            ahead = -outlines[i, _HALF_LENGTH] if e == 1 or e == 2 else outlines[i, _HALF_LENGTH]
-            left = -outlines[i, _HALF_WIDTH] if e == 2 or e == 3 else outlines[i, _HALF_WIDTH]
-            x, y = x + ahead * c - left * s, y + ahead * s + left * c
-        edges[e, START_X], edges[e, START_Y] = x, y
-    for e in range(len(edges)):
-        following = (e + 1) % len(edges)
+    for e in range(count):
+        ahead, left = _corner(outlines, i, e)
+        edges[e, START_X] = outlines[i, X] + ahead * c - left * s
+        edges[e, START_Y] = outlines[i, Y] + ahead * s + left * c
+    for e in range(count):
+        following = (e + 1) % count
         edges[e, END_X], edges[e, END_Y] = edges[following, START_X], edges[following, START_Y]
         dx, dy = edges[e, END_X] - edges[e, START_X], edges[e, END_Y] - edges[e, START_Y]
         edges[e, ALONG_X], edges[e, ALONG_Y], edges[e, INVERSE] = dx, dy, inverse_square(dx, dy)
-        edges[e, RADIUS] = outlines[i, _CIRCUMRADIUS] if is_disc else 0.0
+        edges[e, RADIUS] = outlines[i, _ROUNDING]
     return edges
 
 

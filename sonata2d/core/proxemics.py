@@ -9,9 +9,10 @@ import math
 
 import numpy as np
 
-from .geometry import to_shoulder_line
+from .geometry import shoulder_lines, to_shoulder_line
 from .portable_math import Array
-from .snapshot import Snapshot
+from .separation import outline_gaps
+from .snapshot import RobotState, Snapshot
 from .vectors import lengths
 
 INTIMATE_DISTANCE = 0.45  # m
@@ -22,8 +23,19 @@ SOCIAL_DISTANCE = 3.6  # m
 def clearances(snapshot: Snapshot) -> Array:
     """Gap between the robot's outline and each pedestrian's, (N,), m; negative where they overlap."""
     humans, robot = snapshot.humans, snapshot.robot
+    if len(robot.body.outline.core) > 1:
+        left, right = shoulder_lines(humans.position, humans.direction, humans.shoulder)
+        lines = np.concatenate((left, right, humans.radius[:, None]), axis=1)
+        return _gaps(robot, lines)
     to_line = to_shoulder_line(humans.position - np.array(robot.position), humans.direction, humans.shoulder)
     return lengths(to_line) - humans.radius - robot.radius
+
+
+def _gaps(robot: RobotState, lines: Array) -> Array:
+    """Gaps between the outline of a robot that is no disc and thick lines, (M, 5); (M,), m."""
+    position, direction = np.array([robot.position]), np.array([robot.direction])
+    gaps: Array = outline_gaps(robot.body.outline, position, direction, lines[None])[0]
+    return gaps
 
 
 def clearance(snapshot: Snapshot) -> float:
@@ -42,4 +54,6 @@ def obstacle_clearance(snapshot: Snapshot) -> float:
     barriers = snapshot.scene.barriers
     if not len(barriers):
         return math.inf
+    if len(snapshot.robot.body.outline.core) > 1:
+        return float(_gaps(snapshot.robot, barriers.table[:, :5]).min())
     return float(barriers.gaps(np.array([snapshot.robot.position])).min()) - snapshot.robot.radius

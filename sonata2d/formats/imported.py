@@ -18,7 +18,7 @@ from ..core.vectors import wrap_angles
 from ..record.canonical import rounded, rounded_rows
 from ..record.files import sha256_of
 from ..record.layout import HUMAN_ANGLES, ROBOT_ANGLES, JsonDict, columns, software_versions
-from ..version import FORMAT, FORMAT_VERSION
+from ..version import FORMAT
 from .estimates import POSE, POSITION, THETA, VX, VY, X, Y
 
 _NO_PHYSICS = 0  # version of the physics in imported episodes: no simulator produced them
@@ -147,7 +147,7 @@ def _header(source: SourceEpisode, format: str, path: Path, dt: float) -> JsonDi
     rules = Rules(dt=dt, time_limit=max(duration, dt), ends_on=(), guard=False)
     return {
         "format": FORMAT,
-        "version": FORMAT_VERSION,
+        "version": 1,
         "id": name,
         "name": f"imported-{format}",
         "family": f"imported/{format}",

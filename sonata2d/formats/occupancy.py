@@ -68,5 +68,8 @@ def _inside(points: Array, thing: Furniture) -> BoolArray:
         in_disc: BoolArray = np.hypot(offset[:, 0], offset[:, 1]) <= thing.shape.radius
         return in_disc
     ahead, left = offset[:, 0] * c + offset[:, 1] * s, offset[:, 1] * c - offset[:, 0] * s
-    in_rectangle: BoolArray = (np.abs(ahead) <= thing.shape.length / 2) & (np.abs(left) <= thing.shape.width / 2)
-    return in_rectangle
+    core = np.array(thing.shape.core)
+    along = np.roll(core, -1, axis=0) - core
+    to_left = along[:, 0] * (left[:, None] - core[:, 1]) - along[:, 1] * (ahead[:, None] - core[:, 0])
+    in_polygon: BoolArray = (to_left >= 0.0).all(axis=1)
+    return in_polygon

@@ -141,7 +141,7 @@ def _sequence(record: EpisodeRecord, written_types: dict[int, str | None]) -> li
     frames = [*record.document["frames"], record.document["final"]]
     goal = _goal(record)
     objects = [_object(thing, type) for thing in scene.furniture if (type := written_types[thing.id]) is not None]
-    shape = _shape(Disc(scene.robot.radius))
+    shape = _shape(scene.robot.outline)
     return [
         {
             "timestamp": stamp,

@@ -13,6 +13,7 @@ from ..core.compiled.scalar import length
 from ..core.floats import FloatFields
 from ..core.humans import X, Y
 from ..core.portable_math import Array
+from ..core.proxemics import clearance
 from ..core.snapshot import Outcome, Snapshot
 from ..core.wording import shown
 from ..registry import did_you_mean
@@ -60,6 +61,8 @@ class BuiltIn(FloatFields):
 
 def human_clearance(snapshot: Snapshot) -> float:
     """`sonata2d.clearance`, compiled: gap between the robot and the nearest pedestrian, m; infinite without any."""
+    if len(snapshot.scene.robot.outline.core) > 1:
+        return clearance(snapshot)
     humans = snapshot.humans
     gap: float = _clearance(humans.state, humans.radius, humans.shoulder, snapshot.state.robot)
     return gap - snapshot.scene.robot.radius

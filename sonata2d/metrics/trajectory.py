@@ -10,9 +10,10 @@ from typing import Literal
 import numpy as np
 
 from ..core.entities import ANY_HEADING
-from ..core.geometry import PRECISION, to_shoulder_line
+from ..core.geometry import PRECISION, shoulder_lines, to_shoulder_line
 from ..core.portable_math import Array, BoolArray, unit_vectors
 from ..core.scene import Scene
+from ..core.separation import outline_gaps
 from ..core.snapshot import CLOSING_SPEED
 from ..core.vectors import lengths, wrap_angles
 from ..record.motion import OMEGA, THETA, VX, VY
@@ -128,8 +129,17 @@ class Trajectory:
 
     @cached_property
     def radius(self) -> float:
-        """Radius of the robot's outline, m."""
+        """Radius of the robot's outline, m; of one that is no disc, of the circle around it."""
         return self.scene.robot.radius
+
+    @property
+    def is_disc(self) -> bool:
+        """Whether the robot's outline is a disc."""
+        return len(self.scene.robot.outline.core) == 1
+
+    def _gaps(self, lines: Array) -> Array:
+        """(L, M), m, between the robot's outline and thick lines, (L or 1, M, 5)."""
+        return outline_gaps(self.scene.robot.outline, self.position, unit_vectors(self.heading), lines)
 
     @cached_property
     def present(self) -> BoolArray:
@@ -191,7 +201,11 @@ class Trajectory:
     @cached_property
     def human_clearance(self) -> Array:
         """(L, N), m, between the outlines of robot and human, negative where they overlap; inf where absent."""
-        return np.where(self.present, lengths(self.to_shoulder_line), np.inf) - self.human_radius - self.radius
+        if self.is_disc:
+            return np.where(self.present, lengths(self.to_shoulder_line), np.inf) - self.human_radius - self.radius
+        left, right = shoulder_lines(self.human_position, self.human_direction, self.human_shoulder)
+        radii = np.broadcast_to(self.human_radius[:, None], (*self.present.shape, 1))
+        return np.where(self.present, self._gaps(np.concatenate((left, right, radii), axis=-1)), np.inf)
 
     @cached_property
     def to_shoulder_line(self) -> Array:
@@ -207,7 +221,9 @@ class Trajectory:
     @cached_property
     def barrier_clearance(self) -> Array:
         """(M, L), m, from the robot's outline to each of the scene's M barriers, negative where they overlap."""
-        return self.scene.barriers.gaps(self.position) - self.radius
+        if self.is_disc:
+            return self.scene.barriers.gaps(self.position) - self.radius
+        return self._gaps(self.scene.barriers.table[None, :, :5]).T
 
     @cached_property
     def collisions(self) -> list[Collision]:
@@ -218,13 +234,14 @@ class Trajectory:
     def shortest_path(self) -> float | None:
         """Length of the shortest path from the robot's start to the edge of the goal, m; None if no path exists.
 
-        The path avoids walls and furniture at the robot's radius and ignores humans.
+        The path avoids walls and furniture at the radius of the largest circle within the robot's outline, and ignores
+        humans.
         """
-        goal, table = self.scene.goal, self.scene.barriers.table
-        if not self.radius > 0.0:
+        goal, table, radius = self.scene.goal, self.scene.barriers.table, float(self.scene.robot.outline.inradius)
+        if not radius > 0.0:
             return None
         x, y = self.position[0].tolist()
-        length = shortest_length(table, float(self.radius), x, y, float(goal.x), float(goal.y), float(goal.distance))
+        length = shortest_length(table, radius, x, y, float(goal.x), float(goal.y), float(goal.distance))
         return length if np.isfinite(length) else None
 
 

@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any, TypeVar
 
 from ..core.entities import Door, Furniture, Goal, Group, Human, Interaction, Limits, Place, Queue, Robot, Wall
-from ..core.geometry import Disc, Pose, Rectangle
+from ..core.geometry import Disc, Polygon, Pose, Rectangle
 from ..core.scene import Rules, Scene, Social, Unmeasured
 from ..version import __version__
 from .canonical import to_json_value
@@ -34,6 +34,14 @@ def columns() -> dict[str, list[dict[str, str]]]:
         key: [{"name": name, "unit": _UNITS[name], "frame": frames[key]} for name in names]
         for key, names in COLUMNS.items()
     }
+
+
+def format_version(scene: Scene) -> int:
+    """The oldest version of the format that can hold an episode of a scene."""
+    robot = scene.robot
+    is_known = robot.shape is None and robot.drive is None and robot.kinematics in ("holonomic", "unicycle")
+    has_polygons = any(isinstance(thing.shape, Polygon) for thing in scene.furniture)
+    return 1 if is_known and not has_polygons else 2
 
 
 def scene_to_json(scene: Scene) -> JsonDict:
@@ -123,14 +131,25 @@ _LISTS: dict[str, tuple[str, type]] = {
 }
 
 
+# fields of entities that a file holds only where they are not None
+_ADDITIVE: dict[Any, frozenset[str]] = {
+    kind: frozenset(name for name, each in kind.__dataclass_fields__.items() if each.metadata.get("additive"))
+    for kind in (Robot,)
+}
+_SHAPES: dict[str, type] = {"disc": Disc, "rectangle": Rectangle, "polygon": Polygon}
+_SHAPE_NAMES = {kind: name for name, kind in _SHAPES.items()}
+
+
 def _entity_to_json(entity: Any) -> JsonDict:
     """Return the fields of an entity; x, y and theta take the place of a pose."""
     fields: JsonDict = {}
     for key, value in _fields_of(entity).items():
+        if value is None and key in _ADDITIVE.get(type(entity), ()):
+            continue
         if isinstance(value, Pose):
             fields |= _fields_of(value)
-        elif isinstance(value, Disc | Rectangle):
-            fields[key] = {"type": "disc" if isinstance(value, Disc) else "rectangle"} | _fields_of(value)
+        elif type(value) in _SHAPE_NAMES:
+            fields[key] = {"type": _SHAPE_NAMES[type(value)]} | _fields_of(value)
         else:
             fields[key] = _fields_of(value) if isinstance(value, Limits) else value
     return fields
@@ -144,11 +163,13 @@ def _entity_from_json(kind: type[T], values: JsonDict) -> T:
     """
     fields: JsonDict = {}
     for name in kind.__dataclass_fields__:  # type: ignore[attr-defined]
+        if name in _ADDITIVE.get(kind, ()) and values.get(name) is None:
+            continue
         if name == "pose":
             fields[name] = _entity_from_json(Pose, values)
         elif name == "shape":
             shape = values[name]
-            fields[name] = _entity_from_json(Disc if shape["type"] == "disc" else Rectangle, shape)
+            fields[name] = _entity_from_json(_SHAPES[shape["type"]], shape)
         else:
             fields[name] = _entity_from_json(Limits, values[name]) if name == "limits" else _tuples(values[name])
     return kind(**fields)

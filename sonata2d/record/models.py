@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from dataclasses import is_dataclass
+from dataclasses import fields, is_dataclass
 from functools import cache
 from typing import Annotated, Any, Literal, TypeVar, get_type_hints
 
@@ -19,11 +19,11 @@ from ..core.bounds import Count, Id, NotNegative, Number, Positive
 from ..core.devices import DeviceEvent
 from ..core.entities import Door, Furniture, Goal, Group, Human, Place, Queue, Robot
 from ..core.files.limits import MAX_COUNT
-from ..core.geometry import Disc, Point, Pose, Rectangle
+from ..core.geometry import Disc, Point, Polygon, Pose, Rectangle, checked_corners
 from ..core.labels import LabelSpec
 from ..core.scene import Rules, Social
 from ..core.snapshot import Contact, Status
-from ..version import FORMAT, FORMAT_VERSION
+from ..version import FORMAT
 
 T = TypeVar("T")
 
@@ -70,8 +70,8 @@ class Part(BaseModel):
 def model_of(kind: type, name: str | None = None, /, **changed: Any) -> type[Part]:
     """Create the model that describes the JSON object of a dataclass in a file.
 
-    All fields are keys, and are required. `x`, `y` and `theta` take the place of a pose. The descriptions are those
-    under `Attributes` of the docstring.
+    All fields are keys, and are required unless they are `ADDITIVE`. `x`, `y` and `theta` take the place of a pose. The
+    descriptions are those under `Attributes` of the docstring.
 
     Args:
         kind: the dataclass.
@@ -89,6 +89,8 @@ def model_of(kind: type, name: str | None = None, /, **changed: Any) -> type[Par
         else:  # other dataclasses are objects in it
             types[key] = Annotated[hint, _FileForm()] if is_dataclass(hint) else hint
     keys: Any = {key: (hint, Field(description=descriptions.get(key))) for key, hint in types.items()}
+    for key in (field.name for field in fields(kind) if field.metadata.get("additive")):
+        keys[key] = types[key], Field(default=None, description=descriptions.get(key))
     return create_model(name or kind.__name__, __base__=Part, __doc__=text, **keys)
 
 
@@ -123,9 +125,11 @@ class Room(Part):
     )
 
 
+_Corners = Annotated[tuple[Point, ...], AfterValidator(checked_corners)]
 _SolidOutline = Annotated[
     Annotated[Disc, _FileForm("DiscShape", type=Literal["disc"])]
-    | Annotated[Rectangle, _FileForm("RectangleShape", type=Literal["rectangle"])],
+    | Annotated[Rectangle, _FileForm("RectangleShape", type=Literal["rectangle"])]
+    | Annotated[Polygon, _FileForm("PolygonShape", type=Literal["polygon"], points=_Corners)],
     Discriminator("type"),
 ]
 _Entities = Annotated[list[T], Field(max_length=MAX_COUNT)]  # those that each other entity is compared with
@@ -281,7 +285,9 @@ class Episode(Part):
     """One episode."""
 
     format: Literal[FORMAT]  # type: ignore[valid-type]
-    version: Literal[FORMAT_VERSION]  # type: ignore[valid-type]
+    version: Literal[1, 2] = Field(
+        description="1; 2 with polygons, robots that are no discs, or drives that version 1 does not have"
+    )
     id: str = Field(description="of the episode")
     name: str = Field(description="of the scenario")
     family: str = Field(description="scenario and kind of room; data sets are split by it")
@@ -302,7 +308,7 @@ class Episode(Part):
     humans: list[_InFile[Human]] = Field(description="in the order of the rows in frames")
     groups: list[_InFile[Group]]
     interactions: list[_InteractionRow] = Field(description="at the start: [src, relation, dst]")
-    robot: _InFile[Robot]
+    robot: Annotated[Robot, _FileForm(shape=_SolidOutline | None)]
     goal: _InFile[Goal]
     social: _InFile[Social] | None = Field(description="social behaviour during the episode; null: none")
     dropped: list[str] = Field(description="requested items that could not be placed")

@@ -25,12 +25,12 @@ from ..core.snapshot import ControllerInfo, Frame, Frames, Outcome, Snapshot, St
 from ..core.state import State
 from ..core.wording import counted
 from ..errors import RecordError
-from ..version import FORMAT, FORMAT_VERSION, PHYSICS_VERSION
+from ..version import FORMAT, PHYSICS_VERSION
 from .canonical import Document, rounded, to_json_value
 from .counts import merged_counts, run_counts
 from .files import file_stem, write_document
 from .frames import Answer, Segment, frame_lines, never_entered, segment_of
-from .layout import JsonDict, columns, software_versions
+from .layout import JsonDict, columns, format_version, software_versions
 from .reader import record_from_document
 from .record import EpisodeRecord
 from .validate import consistent_scene
@@ -264,7 +264,7 @@ class EpisodeRecorder:
         label_keys |= {"label": to_json_value(self.label, "label of the run")} if spec.per_run else {}
         return {
             "format": FORMAT,
-            "version": FORMAT_VERSION,
+            "version": format_version(scene),
             "id": self.id or f"{scene.name}-{scene.seed}-{scene.episode}",
             "name": scene.name,
             "family": scene.family,

@@ -110,7 +110,7 @@ def _try_layout(
     """
     config = apply_jitter(config, rng)
     people = create_placed_entities(config.people, config.person, config.rules.dt, rng)
-    check_placed_positions(people, plan.outline, config.robot.pose and Pose(*config.robot.pose), config.robot.radius)
+    check_placed_positions(people, plan.outline, config.robot.pose and Pose(*config.robot.pose), config.robot.outline)
     furniture_outlines = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
     layout = Layout(plan, config, reserved_outlines(config), furniture_outlines)
     place_given(config, people, layout, fixed)

@@ -18,27 +18,36 @@ def shape_of_size(size: Size) -> Shape:
 
 
 def create_piece(
-    config: ScenarioConfig, name: str, size: Size | None = None, seat: bool | None = None, on: int | None = None
+    config: ScenarioConfig, name: str, shape: Shape | None = None, seat: bool | None = None, on: int | None = None
 ) -> Furniture:
     """Create a piece of furniture at the origin, with the id 0.
 
     Args:
         config: sizes of types.
         name: of its type.
-        size, seat: of the piece; None: as the type has them.
+        shape, seat: of the piece; None: as the type has them.
         on: what it lies on.
     """
-    size = size or config.size_of(name)
-    assert size is not None  # a scenario is checked for sizes
+    if shape is None:
+        size = config.size_of(name)
+        assert size is not None  # a scenario is checked for sizes
+        shape = shape_of_size(size)
     if seat is None and furniture_type(name).is_seat:
         seat = True  # a file is read without the type
-    return Furniture(0, name, Pose(0.0, 0.0), shape_of_size(size), on, seat)
+    return Furniture(0, name, Pose(0.0, 0.0), shape, on, seat)
+
+
+def _given_shape(settings: FurnitureConfig) -> Shape | None:
+    """Return the outline that the settings of a piece give; None: that of its type."""
+    if settings.body is not None:
+        return settings.body.outline()
+    return None if settings.size is None else shape_of_size(settings.size)
 
 
 def fixed_furniture(config: ScenarioConfig) -> tuple[Furniture, ...]:
     """Create the furniture at fixed positions, numbered from 0; a laptop that overlaps a table lies on it."""
     pieces = [
-        replace(create_piece(config, p.type, p.size, p.seat), id=k, pose=Pose(p.x, p.y, p.theta).rounded())
+        replace(create_piece(config, p.type, _given_shape(p), p.seat), id=k, pose=Pose(p.x, p.y, p.theta).rounded())
         for k, p in enumerate(config.furniture)
     ]
     return tuple(replace(piece, on=_support(piece, pieces)) for piece in pieces)
@@ -46,7 +55,7 @@ def fixed_furniture(config: ScenarioConfig) -> tuple[Furniture, ...]:
 
 def faces_ahead(config: ScenarioConfig, settings: FurnitureConfig) -> bool:
     """Return whether the front of a given piece is its +x side, as of a seat that is not longer than wide."""
-    piece = create_piece(config, settings.type, settings.size, settings.seat)
+    piece = create_piece(config, settings.type, _given_shape(settings), settings.seat)
     return piece.is_seat and piece.front == piece.pose.direction
 
 

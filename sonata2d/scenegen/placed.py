@@ -13,7 +13,7 @@ import numpy as np
 
 from ..core.entities import Furniture, Group, Human, Interaction
 from ..core.files.limits import MAX_TRACK_POINTS
-from ..core.geometry import Disc, Point, Pose, canonical_angle, inside_polygon, quantised
+from ..core.geometry import Disc, Point, Pose, Shape, canonical_angle, inside_polygon, quantised
 from ..core.navigation import FreeSpace
 from ..core.outlines import outline_row, shape_gap
 from ..core.portable_math import PI, Array, angle_of
@@ -294,14 +294,14 @@ def _interpolate(track: Track, slopes: list[Point], k: int, t: float) -> Point:
 # Placement
 
 
-def check_placed_positions(placed: NumberedEntities, outline: Array, robot: Pose | None, radius: float) -> None:
+def check_placed_positions(placed: NumberedEntities, outline: Array, robot: Pose | None, shape: Shape) -> None:
     """Check that given positions lie in the room, and that a given robot does not start on a pedestrian.
 
     Args:
         placed: the pedestrians.
         outline: (K, 2), m, of the room.
         robot: its start, if given.
-        radius: of the robot, m.
+        shape: outline of the robot.
 
     Raises:
         SceneError: a start, track or goal is outside the room, or the robot overlaps a pedestrian at tick 0.
@@ -319,8 +319,9 @@ def check_placed_positions(placed: NumberedEntities, outline: Array, robot: Pose
                         "room"
                     )
         if robot is not None and human.enters == 0:
-            dx, dy, contact = robot.x - human.pose.x, robot.y - human.pose.y, radius + human.radius
-            if dx * dx + dy * dy < contact * contact:
+            dx, dy, contact = robot.x - human.pose.x, robot.y - human.pose.y, shape.circumradius + human.radius
+            is_near = dx * dx + dy * dy < contact * contact
+            if is_near and shape_gap(shape, robot, Disc(human.radius), human.pose) == 0.0:
                 raise SceneError(f"the robot would start on person {human.id}; give it another pose")
 
 

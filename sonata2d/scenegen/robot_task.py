@@ -7,7 +7,7 @@ from dataclasses import asdict
 import numpy as np
 
 from ..core.entities import Goal, Limits, Robot
-from ..core.geometry import Barriers, Disc, Pose, inside_polygon, quantised
+from ..core.geometry import Barriers, Disc, Pose, Shape, inside_polygon, quantised
 from ..core.navigation import FreeSpace
 from ..core.portable_math import PI
 from ..core.rng import RandomStream
@@ -16,14 +16,16 @@ from .placement import Layout, PlacedShape
 from .scenario.config import ScenarioConfig
 from .scenario.people import path_segments
 
+_APART = 1e-3  # m, a gap between outlines that neither touch nor overlap
 _PATH_MARGIN = 0.05  # m, minimum gap between the robot and obstacles along a path
 
 
 def reserved_outlines(config: ScenarioConfig) -> list[PlacedShape]:
     """Return the outlines that a given start and a given goal occupy."""
-    disc = Disc(config.robot.radius + _PATH_MARGIN)
-    places = (config.robot.pose, config.goal.position)
-    return [(disc, Pose(*place).rounded()) for place in places if place is not None]
+    disc = Disc(config.robot.outline.inradius + _PATH_MARGIN)
+    start = disc if config.robot.body is None else config.robot.outline
+    places = ((start, config.robot.pose), (disc, config.goal.position))
+    return [(shape, Pose(*place).rounded()) for shape, place in places if place is not None]
 
 
 def draw_robot_task(
@@ -41,8 +43,9 @@ def draw_robot_task(
         SceneError: a given start or goal is not free; no path connects a given start and goal; or `max_attempts` pairs
             of start and goal failed.
     """
-    space = FreeSpace(layout.plan.outline, barriers, config.robot.radius + _PATH_MARGIN)
-    _check_given(config, space)
+    # The largest circle within the outline: a robot that turns along its path passes where this circle does.
+    space = FreeSpace(layout.plan.outline, barriers, config.robot.outline.inradius + _PATH_MARGIN)
+    _check_given(config, layout, space)
     paths, sample_point = path_segments(config.people), layout.plan.sample_point
     pose, position = config.robot.pose, config.goal.position
     for _ in range(config.max_attempts):
@@ -59,7 +62,7 @@ def draw_robot_task(
     )
 
 
-def _check_given(config: ScenarioConfig, space: FreeSpace) -> None:
+def _check_given(config: ScenarioConfig, layout: Layout, space: FreeSpace) -> None:
     """Check that a given start and a given goal are free, and connected by a path."""
     places = (("start", config.robot.pose), ("goal", config.goal.position))
     positions = {name: Pose(*place).rounded().position for name, place in places if place is not None}
@@ -69,6 +72,10 @@ def _check_given(config: ScenarioConfig, space: FreeSpace) -> None:
             inside = inside_polygon(point, space.outline)[0]
             reason = "inside or too close to a wall, furniture or a standing person" if inside else "outside the room"
             raise SceneError(f"the robot's {name} ({x:g}, {y:g}) is {reason}; move it")
+    shape, pose = config.robot.outline, Pose(*config.robot.pose).rounded() if config.robot.pose else None
+    if pose and config.robot.body and not layout.is_free(shape, pose, _APART, _APART, ignores_robot=True):
+        place = f"({pose.x:g}, {pose.y:g}, {pose.theta:g})"
+        raise SceneError(f"the robot's body overlaps something at its start {place}; move it, or turn it")
     if len(positions) == 2 and space.path(positions["start"], positions["goal"]) is None:
         (x, y), (u, v) = positions["start"], positions["goal"]
         raise SceneError(
@@ -86,25 +93,32 @@ def _is_feasible(
     min_distance = config.goal.distance if both_given else max(config.goal.min_distance, config.goal.distance)
     if dx * dx + dy * dy <= min_distance * min_distance:  # the cheapest test comes first
         return False
-    if config.robot.pose is None and not _is_suitable(config, layout, paths, start, config.robot.clearance):
+    if config.robot.pose is None and not _is_suitable(config, layout, paths, config.robot.outline, start):
         return False
-    if config.goal.position is None and not _is_suitable(config, layout, paths, goal, 0.0):
+    if config.goal.position is None and not _is_suitable(
+        config, layout, paths, Disc(config.robot.outline.inradius), goal, 0.0
+    ):
         return False
     is_free = space.is_free_at(start.position) and space.is_free_at(goal.position)
     return is_free and space.path(start.position, goal.position) is not None
 
 
-def _is_suitable(config: ScenarioConfig, layout: Layout, paths: Barriers, pose: Pose, clearance: float) -> bool:
-    """Return whether a drawn pose keeps a clearance, and is within `robot.on_ways` of a pedestrian's path."""
-    gap, max_distance = max(clearance, _PATH_MARGIN), config.robot.on_ways
-    if not layout.is_free(Disc(config.robot.radius), pose, gap, gap):
+def _is_suitable(
+    config: ScenarioConfig, layout: Layout, paths: Barriers, shape: Shape, pose: Pose, clearance: float | None = None
+) -> bool:
+    """Return whether an outline at a drawn pose keeps a clearance, and is near a pedestrian's path, `robot.on_ways`."""
+    gap = max(config.robot.clearance if clearance is None else clearance, _PATH_MARGIN)
+    max_distance = config.robot.on_ways
+    if not layout.is_free(shape, pose, gap, gap):
         return False
     return max_distance is None or bool((paths.gaps(np.array([pose.position])) <= max_distance).any())
 
 
 def _create_robot(config: ScenarioConfig, start: Pose) -> Robot:
     limits = Limits(**{name: quantised(value) for name, value in asdict(config.robot.limits).items()})
-    return Robot(start, quantised(config.robot.radius), config.robot.kinematics, limits)
+    settings = config.robot
+    shape = settings.outline if settings.body else None
+    return Robot(start, quantised(settings.radius), settings.kinematics, limits, shape, settings.drive)
 
 
 def _create_goal(config: ScenarioConfig, position: Pose, rng: RandomStream) -> Goal:

@@ -10,7 +10,7 @@ import pymunk
 from pymunk._chipmunk_cffi import lib
 
 from ..core.entities import Furniture, Human
-from ..core.geometry import Disc, Edge, Point
+from ..core.geometry import Disc, Edge, Outline, Point
 from ..core.scene import Scene
 from .kernel.step import MASS, ROBOT_MASS
 
@@ -28,6 +28,8 @@ class Bodies:
 
     Attributes:
         torsos: shapes of the pedestrians; the kernel turns them in every substep.
+        outline: shapes of a robot that is no disc: its sides, then its corners; the kernel turns them too.
+        corners: of such a robot, in the body frame, m.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -41,7 +43,11 @@ class Bodies:
             pymunk.Segment(body, (0.0, human.shoulder), (0.0, -human.shoulder), human.radius)
             for body, human in zip(self._bodies, scene.humans, strict=False)
         ]
-        self._moving = [*self.torsos, pymunk.Circle(self._bodies[-1], scene.robot.radius)]
+        self._heading = scene.robot.pose.direction
+        self.corners = scene.robot.outline.core if len(scene.robot.outline.core) > 1 else ()
+        self.outline = _sides_of(scene.robot.outline, self._bodies[-1])
+        chassis: list[pymunk.Shape] = [*self.outline] or [pymunk.Circle(self._bodies[-1], scene.robot.radius)]
+        self._moving = [*self.torsos, *chassis]
         self._iterations, self._space = scene.rules.iterations, pymunk.Space()
 
     def new_space(self) -> tuple[pymunk.Space, list[pymunk.Body]]:
@@ -51,6 +57,11 @@ class Bodies:
             body.position, body.velocity, body.force = position, velocity, (0.0, 0.0)
         for torso, shoulder in zip(self.torsos, self._shoulders, strict=True):
             torso.unsafe_set_endpoints((0.0, shoulder), (0.0, -shoulder))
+        c, s = self._heading
+        corners, count = [(x * c - y * s, x * s + y * c) for x, y in self.corners], len(self.corners)
+        for k, corner in enumerate(corners):
+            lib.cpSegmentShapeSetEndpoints(self.outline[k]._shape, corner, corners[(k + 1) % count])
+            lib.cpCircleShapeSetOffset(self.outline[count + k]._shape, corner)
         space = self._space = pymunk.Space()
         space.iterations, space.collision_slop = self._iterations, 0.001  # pymunk's default slop is 0.1 m
         space.collision_bias = OVERLAP_LEFT
@@ -83,6 +94,18 @@ class Bodies:
     def set_seat(self, k: int, seat: int) -> None:
         """Let pedestrian k collide with all seats but one, an index of `Scene.furniture`, or with all of them, -1."""
         self.torsos[k].filter = pymunk.ShapeFilter(group=_seat_group(seat) if seat >= 0 else 0)
+
+
+def _sides_of(outline: Outline, body: pymunk.Body) -> list[pymunk.Shape]:
+    """The sides of an outline as segments, then its corners as circles, as of furniture; nothing for a disc."""
+    corners = list(outline.core)
+    if len(corners) == 1:
+        return []
+    sides = zip(corners, [*corners[1:], corners[0]], strict=True)
+    return [
+        *(pymunk.Segment(body, start, end, outline.rounding) for start, end in sides),
+        *(pymunk.Circle(body, outline.rounding, corner) for corner in corners),
+    ]
 
 
 def is_recorded(human: Human) -> bool:

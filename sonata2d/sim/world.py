@@ -15,12 +15,15 @@ from typing import Any, Literal
 import numpy as np
 import pymunk
 
+from ..agents.drives.base import Drive, drive_of, drive_state
 from ..agents.pedestrians.crowd import Crowd
 from ..agents.pedestrians.models.base import physics_steps
 from ..core.barrier_grid import solids_of
+from ..core.compiled.calls import FLOAT, PACKED, address_of
 from ..core.compiled.kernel import say_if_slow
 from ..core.compiled.packing import Kept, Packed
 from ..core.devices import DeviceEvent
+from ..core.entities import Robot
 from ..core.geometry import Point, Twist
 from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, X, Y, activities_of_present, frozen
 from ..core.portable_math import Array, IntArray
@@ -28,6 +31,7 @@ from ..core.scene import Scene, initial_activities
 from ..core.snapshot import Contact, CrowdCommands, Snapshot
 from ..core.state import HUMAN_SIZE, ROBOT_SIZE, State
 from .bodies import Bodies, is_recorded
+from .kernel.body import body_of
 from .kernel.chipmunk import EngineMemory
 from .kernel.presence import attendance_of
 from .kernel.rules import maximum_speeds, rules_of, walking_speeds
@@ -35,7 +39,8 @@ from .kernel.safety import FASTEST_PERSON, OTHER_AT_FAULT, ROBOT_AT_FAULT, Guard
 from .kernel.step import DRIVE_SIZE, Buffers, advance, begin, enter_and_leave, read_state, track
 from .kernel.tick import DONE, LONGER_LISTS, may_change, run_tick, tick_calls
 
-_CONSTANT = frozenset({"solids", "handle", "addresses", "torsos", "rules"})  # fields of `Buffers` that stay the same
+# fields of `Buffers` that stay the same
+_CONSTANT = frozenset({"solids", "handle", "addresses", "torsos", "outline", "corners", "rules"})
 _CONTACT_ORDER = {"human": 0, "object": 1, "wall": 2}
 
 
@@ -58,10 +63,14 @@ class World:
         say_if_slow()
         self.scene, self.tick = scene, 0
         count, self._substeps = len(scene.humans), physics_steps(scene)
+        drive = drive_of(scene.robot)
         self._bodies = Bodies(scene)
         space, bodies = self._bodies.new_space()
         self.row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count)  # as `State.row`
-        self._engine = EngineMemory(space, bodies, self._bodies.torsos, scene.human_table.shoulder.copy())
+        shoulder = scene.human_table.shoulder.copy()
+        self._engine = EngineMemory(
+            space, bodies, self._bodies.torsos, shoulder, self._bodies.outline, self._bodies.corners
+        )
         self._buffers = Buffers(
             engine=self._engine.engine,
             guard=_guard(scene),
@@ -71,6 +80,10 @@ class World:
             motion=np.array([*scene.robot.pose.position, 0.0, 0.0]),
             drive=np.zeros(DRIVE_SIZE),
             rules=rules_of(scene, self._substeps, FASTEST_PERSON),
+            reach=drive.address(),
+            drive_state=drive_state(drive, scene.robot.limits),
+            body=body_of(scene.robot.outline, count + len(scene.barriers) if _is_shaped(scene.robot, drive) else 0),
+            **_guard_calls(scene.robot, drive),
             solids=solids_of(scene.barriers),
             acceleration=np.zeros((count, 2)),
             attendance=attendance_of(scene),
@@ -244,6 +257,25 @@ class World:
             raise RuntimeError(f"pymunk {pymunk.version} lists bodies in another order; install another version")
 
 
+def _is_shaped(robot: Robot, drive: Drive) -> bool:
+    """Whether a robot is no disc, or turns only as it moves."""
+    return drive.is_coupled or len(robot.outline.core) > 1
+
+
+def _guard_calls(robot: Robot, drive: Drive) -> dict[str, IntArray]:
+    """Addresses of the kernels that robots need which are no discs, or turn only as they move; others have zeros."""
+    nothing, has_corners = np.zeros(2, dtype=np.int64), len(robot.outline.core) > 1
+    if not _is_shaped(robot, drive):
+        return {"limit_motion": nothing, "gap_at": nothing}
+    from .kernel.shaped import gap_at, limit_motion  # compiled for these only
+
+    of_person = (PACKED, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT)
+    return {
+        "limit_motion": address_of(limit_motion, PACKED, FLOAT, FLOAT, FLOAT, FLOAT),
+        "gap_at": address_of(gap_at, *of_person) if has_corners else nothing,
+    }
+
+
 def _guard(scene: Scene) -> Guard:
     """The safety guard's arrays for the humans and barriers of a scene."""
     humans, barriers = len(scene.humans), len(scene.barriers)
@@ -259,7 +291,7 @@ def _guard(scene: Scene) -> Guard:
         ),
         near=np.zeros(humans + barriers, dtype=np.int64),
         counts=np.zeros(3, dtype=np.int64),
-        separation=np.zeros((humans + barriers, 4)),
+        separation=np.zeros((humans + barriers, 5)),
     )
 
 

@@ -12,7 +12,7 @@ from collections.abc import Collection
 from functools import partial
 
 from ..core.entities import Goal
-from ..core.geometry import Point
+from ..core.geometry import Disc, Point, Shape
 from ..core.humans import HumanState
 from ..core.relations import ACTIVITY
 from ..core.scene import Unmeasured
@@ -111,13 +111,20 @@ def draw_foot(brush: Brush, activity: str, r: float, place: Point = (0.0, 0.0)) 
 
 def robot_part(robot: RobotState, *, touches: bool = False) -> Part:
     """A robot at its pose; see `draw_chassis`."""
-    return ("robot", robot.radius, touches), partial(draw_chassis, r=robot.radius, touches=touches), robot.direction
+    shape = robot.body.outline
+    return ("robot", shape, touches), partial(draw_chassis, shape=shape, touches=touches), robot.direction
 
 
-def draw_chassis(brush: Brush, r: float, *, touches: bool = False) -> None:
-    """Draw a disc of radius r (m) with an arrow that points ahead; its rim is thick and dark during a contact."""
-    brush.disc(ROBOT, (0.0, 0.0), r)
-    brush.ring(DARK if touches else shaded(ROBOT), (0.0, 0.0), r, 0.07 if touches else 0.035)
+def draw_chassis(brush: Brush, shape: Shape, *, touches: bool = False) -> None:
+    """Draw an outline with wheels, and an arrow that points ahead; its rim is thick and dark during a contact."""
+    rim, width = DARK if touches else shaded(ROBOT), 0.07 if touches else 0.035
+    r = shape.inradius or 0.5 * shape.circumradius
+    if isinstance(shape, Disc):
+        brush.disc(ROBOT, (0.0, 0.0), r)
+        brush.ring(rim, (0.0, 0.0), r, width)
+    else:
+        scale = 1.0 - 0.5 * width / r  # the rim lies within the outline
+        brush.polygon(ROBOT, [(scale * x, scale * y) for x, y in shape.core], rim, width)
     for side in (-1, 1):
         brush.box(DARK, (-0.35 * r, side * 0.72 * r - 0.09 * r), (0.35 * r, side * 0.72 * r + 0.09 * r))
     brush.polygon(PAPER, [(0.78 * r, 0.0), (-0.42 * r, 0.48 * r), (-0.18 * r, 0.0), (-0.42 * r, -0.48 * r)])

@@ -10,7 +10,7 @@ from functools import partial
 
 from ..core.entities import Furniture
 from ..core.furniture_types import draw_solid
-from ..core.geometry import Disc
+from ..core.geometry import Disc, Polygon
 from ..core.scene import Scene
 from ..registry import furniture_type
 from .brush import Brush
@@ -28,7 +28,10 @@ def _draw_item(brush: Brush, item: Furniture) -> None:
     length, width = half_size(item)
     depth, breadth = sorted((length, width))
     is_round, draw = isinstance(item.shape, Disc), furniture_type(item.type).draw
-    if draw is not None:
+    if isinstance(item.shape, Polygon):
+        brush.polygon(BLOCK, item.shape.points, BLOCK_EDGE, 0.03)
+        brush.word(INK, item.type.replace("_", " "), 1.5 * depth, 0.18)
+    elif draw is not None:
         draw(brush, depth, breadth, is_round)
     else:
         _draw_unknown(brush, depth, breadth, is_round, item.type, has_front=length > width)
@@ -37,7 +40,8 @@ def _draw_item(brush: Brush, item: Furniture) -> None:
 def half_size(item: Furniture) -> tuple[float, float]:
     """Half the length (along the x axis) and half the width of a piece of furniture, m."""
     shape = item.shape
-    return (shape.radius, shape.radius) if isinstance(shape, Disc) else (shape.length / 2, shape.width / 2)
+    length, width = shape.sides
+    return length / 2, width / 2
 
 
 def _draw_unknown(brush: Brush, a: float, b: float, is_round: bool, name: str, *, has_front: bool) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
-from ..core.geometry import Point
+from ..core.geometry import Disc, Point
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
 from ..core.relations import ACTIVITY
 from ..core.snapshot import Snapshot
@@ -167,7 +167,7 @@ def _entries(
     has_robot, has_people = "robot" not in unmeasured, bool(present)
     has_links, has_contacts = (any(getattr(s, name) for s in snapshots) for name in ("interactions", "contacts"))
     has_ignoring = has_people and any(human.reacts_to_robot == 0.0 for human in scene.humans)
-    chassis, ignoring = partial(draw_chassis, r=_RADIUS), partial(_draw_pedestrian, ignores_robot=True)
+    chassis, ignoring = partial(draw_chassis, shape=Disc(_RADIUS)), partial(_draw_pedestrian, ignores_robot=True)
     zones_size = 2 * (sum(_BODY) + PERSONAL_DISTANCE)
     rows: list[tuple[str, object, Callable[[Brush], None], float]] = [  # name, whether it is shown, symbol, its width
         *((a.replace(" ", "_"), a in present, partial(_draw_pedestrian, a, unmeasured), 2 * _RADIUS) for a in ACTIVITY),

@@ -111,11 +111,11 @@ def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # no
 
 def _symbols(scene: Scene) -> dict[str, str]:
     """Drawings around the origin, as SVG elements; heads and limbs belong to a body of size 1 m."""
-    radius = scene.robot.radius
+    outline = scene.robot.outline
     drawings: dict[str, Callable[[Brush], None]] = {
         "goal": partial(draw_target, radius=scene.goal.distance),
-        "robot": partial(draw_chassis, r=radius),
-        "touching": partial(draw_chassis, r=radius, touches=True),
+        "robot": partial(draw_chassis, shape=outline),
+        "touching": partial(draw_chassis, shape=outline, touches=True),
         "head": partial(draw_head, r=1.0),
         "round head": partial(draw_head, r=1.0, nose=False),
     }

@@ -12,7 +12,6 @@ from hypothesis import given, strategies as st
 
 from sonata2d.agents.controllers.teleoperation import DEFAULT_MAPPINGS, STOP, DeviceMapping, Teleoperation
 from sonata2d.core.devices import DeviceEvent
-from sonata2d.core.entities import Kinematics
 from sonata2d.core.geometry import Twist
 from sonata2d.core.labels import LabelSpec
 from sonata2d.core.scene import Scene
@@ -115,7 +114,7 @@ def test_a_mapping_rounds_its_numbers_to_the_precision_of_files() -> None:
 # The controller
 
 
-def scene_for(kinematics: Kinematics = "holonomic") -> Scene:
+def scene_for(kinematics: str = "holonomic") -> Scene:
     scene = room()
     return replace(scene, robot=replace(scene.robot, kinematics=kinematics))
 

@@ -134,10 +134,10 @@ def test_files_with_another_suffix_or_a_newer_version_are_not_overwritten(tmp_pa
     with pytest.raises(RecordError, match="same --compress"):
         resumed(tmp_path / "out", 3, suffix=".json.gz")
     path = tmp_path / "out/000001.json"
-    path.write_text(path.read_text().replace('"version":1', '"version":2', 1))
+    path.write_text(path.read_text().replace('"version":1', '"version":3', 1))
     with pytest.raises(RecordError, match="upgrade"):
         resumed(tmp_path / "out", 3)
-    assert '"version":2' in path.read_text()
+    assert '"version":3' in path.read_text()
 
 
 def test_a_fast_robot_among_fast_pedestrians_passes_the_check(tmp_path: Path) -> None:

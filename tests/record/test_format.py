@@ -12,7 +12,7 @@ import pytest
 
 from sonata2d.core.bounds import MAX_MAGNITUDE
 from sonata2d.core.entities import Door, Furniture, Goal, Group, Human, Limits, Place, Queue, Robot
-from sonata2d.core.geometry import Disc, Rectangle
+from sonata2d.core.geometry import Disc, Polygon, Rectangle
 from sonata2d.core.labels import LabelSpec
 from sonata2d.core.scene import Rules, Social
 from sonata2d.datasets import verify
@@ -55,7 +55,8 @@ def test_published_pages_agree_with_the_models() -> None:
 def test_the_definitions_of_the_published_schema_have_fixed_names() -> None:
     names = (
         "Branch Column Columns Contact Controller DiscShape Door Event Frame Goal Group Human Imported ImportedTracks "
-        "LabelSpec LastLook Limits Mirror Object Outcome Place Queue RectangleShape Robot Room Rules Social Software"
+        "LabelSpec LastLook Limits Mirror Object Outcome Place PolygonShape Queue RectangleShape Robot "
+        "Room Rules Social Software"
     )
     assert sorted(Episode.model_json_schema()["$defs"]) == names.split()
 
@@ -68,6 +69,7 @@ def test_the_definitions_of_the_published_schema_have_fixed_names() -> None:
         (Furniture, "Object"),
         (Disc, "DiscShape"),
         (Rectangle, "RectangleShape"),
+        (Polygon, "PolygonShape"),
     ],
 )
 def test_a_field_of_an_entity_is_a_required_key_with_the_description_of_its_docstring(kind: type, name: str) -> None:
@@ -75,7 +77,9 @@ def test_a_field_of_an_entity_is_a_required_key_with_the_description_of_its_docs
     names = [field.name for field in fields(kind)]
     keys = [key for name in names for key in (("x", "y", "theta") if name == "pose" else (name,))]
     assert [key for key in definition["properties"] if key in keys] == keys
-    assert set(definition["required"]) == set(definition["properties"]) >= set(keys)
+    additive = {field.name for field in fields(kind) if field.metadata.get("additive")}
+    assert set(definition["required"]) | additive == set(definition["properties"]) >= set(keys)
+    assert not set(definition["required"]) & additive
     assert all(definition["properties"][key]["description"] for key in keys)
     attributes = (kind.__doc__ or "").partition("Attributes:")[2]
     described = [name for line in re.findall(r"^ {8}(\w[\w, ]*?):", attributes, re.M) for name in line.split(", ")]

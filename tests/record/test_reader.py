@@ -122,8 +122,8 @@ def test_unknown_keys_are_ignored_and_kept_in_the_document(episode: Path) -> Non
 
 
 def test_a_newer_format_version_is_refused(episode: Path) -> None:
-    rewrite(episode, lambda document: document.update(version=2))
-    with pytest.raises(RecordError, match="written by format version 2, this sonata2d reads up to 1; upgrade sonata2d"):
+    rewrite(episode, lambda document: document.update(version=3))
+    with pytest.raises(RecordError, match="written by format version 3, this sonata2d reads up to 2; upgrade sonata2d"):
         read_episode(episode)
 
 

@@ -29,7 +29,8 @@ class CostField:
     space of standing people, and between people who interact. Cells in which the robot does not fit cost `_BLOCKED`.
 
     Args:
-        scene: gives the room, furniture, standing people, interactions, goal and the robot's radius.
+        scene: gives the room, furniture, standing people, interactions, goal, and the largest circle within the robot's
+            outline.
 
     Attributes:
         low: (2,), m, world frame, position of the cell (0, 0).
@@ -49,7 +50,7 @@ class CostField:
         self.price, self.value, self.clearance = self.layers[PRICE], self.layers[VALUE], self.layers[CLEARANCE]
         obstacles = scene.barriers.table, scene.standing_humans.table, _interaction_spaces(scene).table
         goal = float(scene.goal.x), float(scene.goal.y)
-        _fill_field(self.layers, self.low, scene.outline, *obstacles, float(scene.robot.radius), *goal)
+        _fill_field(self.layers, self.low, scene.outline, *obstacles, float(scene.robot.outline.inradius), *goal)
 
 
 def _interaction_spaces(scene: Scene) -> Barriers:

@@ -12,7 +12,7 @@ from ...core.at_goal import goal_row, is_at_goal
 from ...core.barrier_grid import Solids, find_within, packed_solids
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Floats, Floats2, Floats3, Floats4, Ints2, unpack
-from ...core.compiled.scalar import gap, rotation, to_shoulder_line
+from ...core.compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, gap, rotation, to_shoulder_line
 from ...core.entities import Robot
 from ...core.floats import FloatFields
 from ...core.geometry import Point, Twist
@@ -20,9 +20,13 @@ from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.portable_math import Array, BoolArray, IntArray
 from ...core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
 from ...core.scene import Scene
+from ...core.separation import SEPARATION_SIZE, covering_discs, gap_to_line
 from ...core.state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, HUMAN_SIZE
+from ...errors import ControllerError
+from ...registry import drive_class
 from .compiled import KernelController
 from .cost_field import CELL, CLEARANCE, PRICE, VALUE, CostField
+from .heading_field import heading_cost, heading_field
 
 _TURNS = (-1.0, -0.5, -0.15, 0.0, 0.15, 0.5, 1.0)  # turn rates to try, fractions of the limit
 _HORIZON, STEP = 2.4, 0.2  # s, duration and time step of the prediction
@@ -32,6 +36,10 @@ _SLOW_SPEED, _SPEED_PER_METRE = 0.2, 0.6  # m/s at contact and 1/s: proper speed
 _CONTACT_MARGIN = 0.06  # m, predicted clearance below which a contact is assumed
 _NEAR_CONTACT, _NEAR_CONTACT_PRICE = 0.04, 10.0  # m; below it, each m/s towards a person counts as 10 m
 _REACTION_TIME = 0.15  # s before braking takes effect
+_TINY = 1e-4  # m, less is no motion
+_PARTS = 4  # of a step, in which the outline of a robot that is no disc is compared with barriers
+_HASTE = 0.01  # cost of a step of a trajectory of a robot that is no disc
+_LONG = 1.5  # ratio of the circles around and within an outline, above which it is long
 _IMPATIENCE = 5.0  # s without progress, after which the costs of disturbing people decrease
 
 
@@ -40,7 +48,8 @@ def _candidate_velocities(robot: Robot) -> list[Point]:
     limits = robot.limits
     ahead = [-limits.back * 0.6, 0.0, *(limits.ahead * fraction for fraction in (0.15, 0.3, 0.5, 0.75, 1.0))]
     sideways = [0.0]
-    if robot.kinematics == "holonomic":
+    is_long = robot.outline.circumradius > _LONG * robot.outline.inradius
+    if robot.moves_sideways and not is_long:  # a long robot passes gaps lengthwise
         sideways = [-limits.sideways * 0.8, 0.0, limits.sideways * 0.8]
     return [(vx, vy) for vx in ahead for vy in sideways]
 
@@ -82,6 +91,22 @@ _MIDDLE_X, _MIDDLE_Y, _FINAL_X, _FINAL_Y = range(4)
 _FORWARD, _LEFT, _SPEED = range(3)
 
 
+class _Body(NamedTuple):
+    """The robot's outline.
+
+    Attributes:
+        discs: (D, 2), centres of discs of the radius `_ROBOT_RADIUS` that cover it, body frame, m; for people.
+        core: (K, 2), corners of its core, body frame, m; for walls and furniture. `corners` and `found` are scratch.
+        rounding: m.
+    """
+
+    discs: Floats2
+    core: Floats2
+    corners: Floats2
+    found: Floats
+    rounding: float
+
+
 class _Memory(NamedTuple):
     """Memory of `SocialPlanner`.
 
@@ -91,6 +116,7 @@ class _Memory(NamedTuple):
         goal: (5,), see `core.at_goal`.
         last: (3,), the last command.
         outline: (2, N), radius and half the length of the shoulder line of each human of the scene, m.
+        body, headed: see `_cheapest`.
         present, present_outline: (N, 9) and (2, N), of the humans that are present; scratch.
     """
 
@@ -105,6 +131,8 @@ class _Memory(NamedTuple):
     progress: Floats
     last: Floats
     outline: Floats2
+    body: _Body
+    headed: Floats3
     present: Floats2
     present_outline: Floats2
 
@@ -156,11 +184,16 @@ class SocialPlanner(KernelController):
     def memory(self, scene: Scene) -> _Memory:
         field, robot, weights = CostField(scene), scene.robot, astuple(self._weights)
         goal, limits, table = scene.goal, robot.limits, scene.human_table
+        if drive_class(robot.kinematics).is_coupled:
+            raise ControllerError(
+                f"social-planner cannot drive a {robot.kinematics}, which turns only as it moves; use dwa or mppi"
+            )
+        (discs, disc_radius), core = covering_discs(robot.outline), np.array(robot.outline.core)
         has_negative_weights = min(*weights[_INTIMATE:], self.obstacle_price) < 0.0
         numbers = (
             *weights, self.obstacle_price * STEP, self.obstacle_distance, has_negative_weights,
             *field.low, goal.x, goal.y, goal.distance, scene.rules.dt,
-            robot.radius, robot.kinematics == "holonomic", limits.ahead, limits.acceleration, limits.turn_acceleration,
+            disc_radius, robot.moves_sideways, limits.ahead, limits.acceleration, limits.turn_acceleration,
         )  # fmt: skip
         velocities, turns = _candidate_velocities(robot), [robot.limits.turn * fraction for fraction in _TURNS]
         pairs = [(v, t) for v in range(len(velocities)) for t in range(len(turns))]
@@ -177,6 +210,8 @@ class SocialPlanner(KernelController):
             progress=np.array([math.inf, 0.0]),
             last=np.zeros(3),
             outline=np.stack((table.radius, table.shoulder)),
+            body=_Body(discs, core, core.copy(), np.empty(SEPARATION_SIZE), float(robot.outline.rounding)),
+            headed=heading_field(scene, field) if len(core) > 1 else np.empty((0, 0, 0)),
             present=np.empty((len(table.id), HUMAN_SIZE)),
             present_outline=np.empty((2, len(table.id))),
         )
@@ -197,8 +232,9 @@ def _best(memory: _Memory, tick: int, robot: Array, humans: Array, is_present: B
                 memory.present_outline[row, count] = memory.outline[row, k]
             count += 1
     return _cheapest(
-        memory.numbers, memory.layers, memory.solids, memory.pairs, memory.velocities, memory.turns, memory.positions,
-        memory.progress, memory.present[:count], memory.present_outline[0, :count], memory.present_outline[1, :count],
+        memory.numbers, memory.layers, memory.solids, memory.body, memory.headed, memory.pairs, memory.velocities,
+        memory.turns, memory.positions, memory.progress, memory.present[:count], memory.present_outline[0, :count],
+        memory.present_outline[1, :count],
         tick, (robot[X], robot[Y]), (robot[BODY_X], robot[BODY_Y]),
         robot[EXECUTED_VX], robot[EXECUTED_VY], robot[EXECUTED_OMEGA], last[0], last[1], last[2],
     )  # fmt: skip
@@ -206,9 +242,10 @@ def _best(memory: _Memory, tick: int, robot: Array, humans: Array, is_present: B
 
 @subroutine
 def _cheapest(
-    numbers: Array, layers: Array, solids: Solids, pairs: IntArray, velocities: Array, turns: Array, positions: Array,
-    progress: Array, state: Array, radius: Array, shoulder: Array, tick: int, position: Point, direction: Point,
-    now_vx: float, now_vy: float, now_omega: float, last_vx: float, last_vy: float, last_omega: float,
+    numbers: Array, layers: Array, solids: Solids, body: _Body, headed: Array, pairs: IntArray, velocities: Array,
+    turns: Array, positions: Array, progress: Array, state: Array, radius: Array, shoulder: Array, tick: int,
+    position: Point, direction: Point, now_vx: float, now_vy: float, now_omega: float, last_vx: float, last_vy: float,
+    last_omega: float,
 ) -> int:  # fmt: skip
     """The first one of the cheapest candidates.
 
@@ -216,6 +253,8 @@ def _cheapest(
         numbers: (22,), weights, robot and task; columns `_AHEAD` to `_TURN_ACCELERATION`.
         layers: (3, NX, NY), of the cost field.
         solids: walls and furniture.
+        body: outline of the robot.
+        headed: (H, NX, NY), cost of the motion to the goal with each heading, of a robot that is no disc.
         pairs: (K, 2), indices of the velocity and of the turn rate of each candidate; the last one is the last command.
         velocities: (V, 2), m/s, body frame; the last one is overwritten with the last command's.
         turns: (T,), rad/s; the last one is overwritten with the last command's.
@@ -235,22 +274,28 @@ def _cheapest(
     headings = _headings(numbers, turns, now_omega, direction)
     motions, speed = _motions(numbers, velocities, now_vx, now_vy)
     _roll_out(positions, headings, motions, position)
-    reach = numbers[_MAX_SPEED] * _HORIZON + numbers[_ROBOT_RADIUS] + 0.1  # m, within the horizon
+    discs, extent = body.discs, _extent(body.discs)
+    reach = numbers[_MAX_SPEED] * _HORIZON + numbers[_ROBOT_RADIUS] + extent + 0.1  # m, within the horizon
     near = np.empty(len(solids.table), dtype=np.int64)
     near = near[: find_within(solids, position[0], position[1], reach, near)]
-    people = _nearby_people(numbers, state, radius, shoulder, position, speed)
+    before = math.inf  # gap to the nearest barrier, of a robot that is no disc
+    for n in range(len(near) if len(body.core) > 1 else 0):
+        here = _gap_to(body, solids.table, near[n], position[0], position[1], direction[0], direction[1])
+        before = min(before, here)
+    people = _nearby_people(numbers, discs, state, radius, shoulder, position, direction, speed)
     far = max(PERSONAL_DISTANCE, (speed - _SLOW_SPEED) / _SPEED_PER_METRE) + 1e-6  # m, beyond which people cost nothing
-    bodies, counts = _predicted_bodies(numbers, state, radius, shoulder, position, speed, far)
+    bodies, counts = _predicted_bodies(numbers, state, radius, shoulder, position, speed, far + extent)
 
     count = len(pairs)
     end_cost, change, bound = np.empty(count), np.empty(count), np.empty(count)
+    until = np.full(count, STEPS)  # steps of each trajectory that count
     first = 0
     dx, dy = position[0] - numbers[_GOAL_X], position[1] - numbers[_GOAL_Y]
     reach = numbers[_GOAL_DISTANCE] + speed * _HORIZON
     may_arrive = dx * dx + dy * dy < reach * reach
     for k in range(count):
         v, t = pairs[k, 0], pairs[k, 1]
-        end_cost[k] = _end_cost(numbers, layers, positions, v, t, headings, may_arrive)
+        end_cost[k], until[k] = _end_cost(numbers, layers, headed, positions, v, t, headings, may_arrive)
         dvx, dvy, domega = velocities[v, X] - last_vx, velocities[v, Y] - last_vy, turns[t] - last_omega
         change[k] = numbers[_CHANGE] * (abs(dvx) + abs(dvy) + 0.5 * abs(domega))
         bound[k] = end_cost[k] - 1e-9 + change[k]  # open ground may cost slightly less than 0 by rounding
@@ -266,15 +311,17 @@ def _cheapest(
         if bound[k] > limit or n == first:
             continue
         v, t = pairs[k, 0], pairs[k, 1]
-        covered, contact = _ground_cost(numbers, layers, solids.table, near, positions, v, t, motions)
+        covered, contact = _ground_cost(
+            numbers, layers, solids.table, near, body, positions, headings, v, t, motions, until[k], before, direction
+        )
         ground = end_cost[k] + courtesy * covered + contact
         braking = numbers[_CLOSING] * _shortfall(numbers, people, v, t, headings, motions, direction)
         cost = ground + braking + change[k]
         disturbance, crash = 0.0, 0.0
-        for step in range(STEPS):
+        for step in range(until[k]):
             if cost > limit:
                 break
-            clearance = _clearance(bodies, counts, positions, step, v, t, far)
+            clearance = _clearance(bodies, counts, discs, positions, headings, step, v, t, far)
             if clearance < far:
                 disturbance += _disturbance(numbers, clearance, motions[_SPEED, step, v])
                 if crash == 0.0 and clearance < _CONTACT_MARGIN:
@@ -372,35 +419,49 @@ def _roll_out(positions: Array, headings: Array, motions: Array, position: Point
 
 @subroutine
 def _end_cost(
-    numbers: Array, layers: Array, positions: Array, v: int, t: int, headings: Array, may_arrive: bool
-) -> float:
-    """Cost of the path from the end of a trajectory to the goal.
+    numbers: Array, layers: Array, headed: Array, positions: Array, v: int, t: int, headings: Array, may_arrive: bool
+) -> tuple[float, int]:
+    """Cost of the path from the end of a trajectory to the goal, and the number of its steps.
 
-    A trajectory that reaches the goal costs less than nothing: the earlier, the less.
+    A trajectory that reaches the goal costs less than nothing: the earlier, the less. Of a robot that is no disc, a
+    trajectory ends at its cheapest pose: it may turn by less than it would within the horizon.
     """
     if may_arrive:
         for k in range(STEPS):
             dx, dy = positions[X, k + 1, t, v] - numbers[_GOAL_X], positions[Y, k + 1, t, v] - numbers[_GOAL_Y]
             if dx * dx + dy * dy < numbers[_GOAL_DISTANCE] * numbers[_GOAL_DISTANCE]:
-                return (k - STEPS) / STEPS
+                return (k - STEPS) / STEPS, STEPS
     x, y, distance = positions[X, STEPS, t, v], positions[Y, STEPS, t, v], numbers[_AHEAD]
+    if len(headed) > 0:
+        best, end = math.inf, STEPS
+        for k in range(STEPS):
+            u = _grid_coordinate(positions[X, k + 1, t, v], numbers[_LOW_X], headed.shape[1])
+            w = _grid_coordinate(positions[Y, k + 1, t, v], numbers[_LOW_Y], headed.shape[2])
+            cost = heading_cost(headed, u, w, headings[_FINAL_X, k, t], headings[_FINAL_Y, k, t]) + _HASTE * (k + 1)
+            if cost < best:
+                best, end = cost, k + 1
+        return best, end
     ahead_x = x + distance * headings[_FINAL_X, STEPS - 1, t]
     ahead_y = y + distance * headings[_FINAL_Y, STEPS - 1, t]
-    return 0.5 * _path_cost(numbers, layers, x, y) + 0.5 * _path_cost(numbers, layers, ahead_x, ahead_y)
+    return 0.5 * _path_cost(numbers, layers, x, y) + 0.5 * _path_cost(numbers, layers, ahead_x, ahead_y), STEPS
 
 
 @subroutine
 def _ground_cost(
-    numbers: Array, layers: Array, barriers: Array, nearby: IntArray, positions: Array, v: int, t: int, motions: Array
-) -> tuple[float, float]:
-    """Surcharge of the ground that a trajectory covers, and cost of coming near walls and furniture."""
+    numbers: Array, layers: Array, barriers: Array, nearby: IntArray, body: _Body, positions: Array, headings: Array,
+    v: int, t: int, motions: Array, until: int, before: float, direction: Point,
+) -> tuple[float, float]:  # fmt: skip
+    """Surcharge of the ground that a trajectory covers, and cost of coming near walls and furniture.
+
+    A robot that is no disc may touch a wall as it turns: a trajectory that leads it away from there is not blocked.
+    """
     _, nx, ny = layers.shape
-    covered, earliness, closeness = 0.0, 0.0, 0.0
+    covered, earliness, closeness, extent = 0.0, 0.0, 0.0, _extent(body.discs)
     touching, has_price = numbers[_ROBOT_RADIUS] + _OBSTACLE_MARGIN, numbers[_OBSTACLE_PRICE] != 0.0
     near = touching
     if has_price:
         near = max(near, numbers[_ROBOT_RADIUS] + numbers[_OBSTACLE_DISTANCE])
-    for k in range(STEPS):
+    for k in range(until):
         x, y = positions[X, k + 1, t, v], positions[Y, k + 1, t, v]
         i, j = _grid_coordinate(x, numbers[_LOW_X], nx), _grid_coordinate(y, numbers[_LOW_Y], ny)
         covered += (_interpolated(layers, PRICE, i, j) - 1.0) * motions[_SPEED, k, v]
@@ -408,12 +469,19 @@ def _ground_cost(
             continue
         # A corner of the grid cell, less than 1.5 cells away, tells whether a barrier can be near.
         is_in_grid = 0.0 < i < nx - 1.001 and 0.0 < j < ny - 1.001
-        if is_in_grid and layers[CLEARANCE, int(i), int(j)] > near + 1.5 * CELL:
+        if is_in_grid and layers[CLEARANCE, int(i), int(j)] > near + extent + 1.5 * CELL:
             continue
-        distance = 1e9
-        for n in range(len(nearby)):
-            distance = min(distance, gap(barriers, nearby[n], x, y))
-        if earliness == 0.0 and distance < touching:
+        distance, is_blocked = 1e9, False
+        if len(body.core) > 1:
+            distance, is_blocked, before = _tightest(
+                body, barriers, nearby, positions, headings, direction, k, v, t, near + extent, _OBSTACLE_MARGIN, before
+            )
+            distance += numbers[_ROBOT_RADIUS]
+        else:
+            for n in range(len(nearby)):
+                distance = min(distance, gap(barriers, nearby[n], x, y))
+            is_blocked = distance < touching
+        if earliness == 0.0 and is_blocked:
             earliness = (STEPS - k) / STEPS
         if has_price:
             clearance = distance - numbers[_ROBOT_RADIUS]
@@ -422,9 +490,68 @@ def _ground_cost(
 
 
 @subroutine
+def _tightest(
+    body: _Body, barriers: Array, nearby: IntArray, positions: Array, headings: Array, direction: Point, k: int, v: int,
+    t: int, near: float, margin: float, before: float,
+) -> tuple[float, bool, float]:  # fmt: skip
+    """Gap between a robot that is no disc and barriers in a step: its corners can pass their ends in between.
+
+    Args:
+        body, barriers, nearby, positions, headings, direction: see `_cheapest`.
+        k, v, t: step, velocity and turn rate.
+        near: distance of its centre from barriers that count, m.
+        margin: m, nearer than this the robot is blocked, unless it moves away.
+        before: gap before the step, m.
+
+    Returns:
+        Least gap, m; whether the robot is blocked; gap after the step, m.
+    """
+    c, s = direction if k == 0 else (headings[_FINAL_X, k - 1, t], headings[_FINAL_Y, k - 1, t])
+    end_c, end_s = headings[_FINAL_X, k, t], headings[_FINAL_Y, k, t]
+    least, is_blocked = math.inf, False
+    for part in range(1, _PARTS + 1):
+        share = part / _PARTS
+        x = positions[X, k, t, v] + share * (positions[X, k + 1, t, v] - positions[X, k, t, v])
+        y = positions[Y, k, t, v] + share * (positions[Y, k + 1, t, v] - positions[Y, k, t, v])
+        at_c, at_s = c + share * (end_c - c), s + share * (end_s - s)
+        size, gap_here = math.sqrt(at_c * at_c + at_s * at_s), math.inf
+        for n in range(len(nearby)):
+            if gap(barriers, nearby[n], x, y) < near:
+                gap_here = min(gap_here, _gap_to(body, barriers, nearby[n], x, y, at_c / size, at_s / size))
+        is_blocked |= gap_here < min(margin, before - _TINY)
+        least, before = min(least, gap_here), gap_here
+    return least, is_blocked, before
+
+
+@subroutine
+def _gap_to(body: _Body, barriers: Array, k: int, x: float, y: float, c: float, s: float) -> float:
+    """Gap between the robot at a pose, m, cosine and sine, and barrier k; m."""
+    row = barriers[k]
+    line = row[START_X], row[START_Y], row[END_X], row[END_Y], row[RADIUS]
+    return gap_to_line(body.core, body.rounding, x, y, c, s, body.corners, body.found, line)
+
+
+@subroutine
+def _extent(discs: Array) -> float:
+    """Largest distance of a disc's centre from the robot's, m."""
+    largest = 0.0
+    for d in range(len(discs)):
+        largest = max(largest, math.sqrt(discs[d, X] * discs[d, X] + discs[d, Y] * discs[d, Y]))
+    return largest
+
+
+@subroutine
+def _disc(discs: Array, d: int, x: float, y: float, c: float, s: float) -> Point:
+    """Centre of disc d of a robot at a pose: position, m, cosine and sine."""
+    ahead, left = discs[d, X], discs[d, Y]
+    return x + ahead * c - left * s, y + ahead * s + left * c
+
+
+@subroutine
 def _nearby_people(
-    numbers: Array, state: Array, radius: Array, shoulder: Array, position: Point, speed: float
-) -> Array:
+    numbers: Array, discs: Array, state: Array, radius: Array, shoulder: Array, position: Point, direction: Point,
+    speed: float,
+) -> Array:  # fmt: skip
     """The people for which the robot might have to brake.
 
     Returns:
@@ -432,10 +559,14 @@ def _nearby_people(
     """
     people, count = np.empty((len(state), 4)), 0
     for j in range(len(state)):
-        dx, dy = state[j, X] - position[0], state[j, Y] - position[1]
-        dx, dy = to_shoulder_line(dx, dy, state[j, BODY_X], state[j, BODY_Y], shoulder[j])
-        distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
-        nx, ny = dx / distance, dy / distance
+        distance, nx, ny = math.inf, 1.0, 0.0
+        for d in range(len(discs)):
+            x, y = _disc(discs, d, position[0], position[1], direction[0], direction[1])
+            dx, dy = state[j, X] - x, state[j, Y] - y
+            dx, dy = to_shoulder_line(dx, dy, state[j, BODY_X], state[j, BODY_Y], shoulder[j])
+            size = max(math.sqrt(dx * dx + dy * dy), 1e-6)
+            if size < distance:
+                distance, nx, ny = size, dx / size, dy / size
         space = distance - radius[j] - numbers[_ROBOT_RADIUS]
         approach = max(-(state[j, VX] * nx + state[j, VY] * ny), 0.0)
         needed = _stopping_distance(numbers, speed, approach) + _CONTACT_MARGIN + 1e-6
@@ -511,15 +642,21 @@ def _predicted_bodies(
 
 
 @subroutine
-def _clearance(bodies: Array, counts: IntArray, positions: Array, step: int, v: int, t: int, far: float) -> float:
+def _clearance(
+    bodies: Array, counts: IntArray, discs: Array, positions: Array, headings: Array, step: int, v: int, t: int,
+    far: float,
+) -> float:  # fmt: skip
     """Clearance from the nearest person in a step of a trajectory, at most `far`; m."""
-    x, y, nearest = positions[X, step + 1, t, v], positions[Y, step + 1, t, v], far
-    for n in range(counts[step]):
-        dx, dy, touching = bodies[step, n, 0] - x, bodies[step, n, 1] - y, bodies[step, n, 2]
-        dx, dy = to_shoulder_line(dx, dy, bodies[step, n, 3], bodies[step, n, 4], bodies[step, n, 5])
-        square, reach = dx * dx + dy * dy, nearest + touching
-        if square < reach * reach * (1.0 + 1e-9):  # a root for the nearest ones only
-            nearest = min(nearest, math.sqrt(square) - touching)
+    centre_x, centre_y, nearest = positions[X, step + 1, t, v], positions[Y, step + 1, t, v], far
+    for d in range(len(discs)):
+        c, s = headings[_FINAL_X, step, t], headings[_FINAL_Y, step, t]
+        x, y = _disc(discs, d, centre_x, centre_y, c, s)
+        for n in range(counts[step]):
+            dx, dy, touching = bodies[step, n, 0] - x, bodies[step, n, 1] - y, bodies[step, n, 2]
+            dx, dy = to_shoulder_line(dx, dy, bodies[step, n, 3], bodies[step, n, 4], bodies[step, n, 5])
+            square, reach = dx * dx + dy * dy, nearest + touching
+            if square < reach * reach * (1.0 + 1e-9):  # a root for the nearest ones only
+                nearest = min(nearest, math.sqrt(square) - touching)
     return nearest
 
 

@@ -29,9 +29,10 @@ from ...core.barrier_grid import Solids, nearest_within
 from ...core.compiled.kernel import subroutine
 from ...core.compiled.packing import Bools, Floats, Floats2, Ints, zeros
 from ...core.compiled.scalar import Vector, exp
-from ...core.humans import VX, VY, X, Y
+from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.portable_math import Array
 from ...core.scene import Scene
+from ...core.separation import SEPARATION_SIZE, gap_to_line
 from .models.base import Walkers, fill_walls
 from .velocity_obstacle import WALL_TIME, evasive_velocity, in_conflict, limited_by_walls
 
@@ -65,7 +66,10 @@ class Reactions(NamedTuple):
         is_alone: (N,) of bool, not in a group.
         clearance: (N,), m, preferred gap to the robot.
         contact_distance: (N,), m, between the centres of pedestrian and robot at which a shoulder may touch the
-            robot: half the breadth and the robot's radius, whatever the heading.
+            robot: half the breadth, whatever the heading, and the extent of the robot towards the pedestrian.
+        size: (N,), m, half the breadth.
+        core: (K, 2), corners of the robot's outline in its frame, m; `corners` and `found` are scratch.
+        rounding: (1,), m, of the robot's outline.
         elapsed: (N,), s, time that the present reaction has lasted.
         is_exhausted: (N,) of bool, the reaction lasted its full duration and is recovering.
         delay: (N,), s, time for which a pedestrian was kept from its path.
@@ -83,6 +87,11 @@ class Reactions(NamedTuple):
     is_alone: Bools
     clearance: Floats
     contact_distance: Floats
+    size: Floats
+    core: Floats2
+    corners: Floats2
+    found: Floats
+    rounding: Floats
     elapsed: Floats
     is_exhausted: Bools
     delay: Floats
@@ -98,7 +107,7 @@ class Reactions(NamedTuple):
 def initial_reactions(scene: Scene) -> Reactions:
     """The reactions at the start of an episode."""
     humans = scene.humans
-    count = len(humans)
+    count, outline = len(humans), scene.robot.outline
     kind = np.array([KINDS[human.reaction] for human in humans], dtype=np.int64)
     clearance = np.array([human.robot_clearance for human in humans], dtype=float)
     return zeros(
@@ -109,6 +118,11 @@ def initial_reactions(scene: Scene) -> Reactions:
         is_alone=np.array([human.group is None for human in humans], dtype=bool),
         clearance=np.where(kind == SCARED, clearance + _SCARED_CLEARANCE, clearance),
         contact_distance=scene.human_table.circumradius + scene.robot.radius,
+        size=scene.human_table.circumradius.copy(),
+        core=np.array(outline.core),
+        corners=np.array(outline.core),
+        found=np.zeros(SEPARATION_SIZE),
+        rounding=np.array([outline.rounding]),
         walls=np.zeros((len(scene.barriers), 3)),
     )
 
@@ -126,6 +140,12 @@ def notice_robot(reactions: Reactions, k: int, robot: Array, humans: Array, in_s
     """
     x, y = robot[X] - humans[k, X], robot[Y] - humans[k, Y]
     distance = max(math.sqrt(x * x + y * y), 1e-6)
+    if len(reactions.core) > 1:
+        pose, line = (robot[X], robot[Y], robot[BODY_X], robot[BODY_Y]), (humans[k, X], humans[k, Y])
+        gap = gap_to_line(
+            reactions.core, reactions.rounding[0], *pose, reactions.corners, reactions.found, (*line, *line, 0.0)
+        )
+        reactions.contact_distance[k] = reactions.size[k] + distance - gap
     reactions.gap[k] = distance - reactions.contact_distance[k]
     reactions.robot_direction[k, 0], reactions.robot_direction[k, 1] = x / distance, y / distance
     notices = reactions.weight[k] > 0.0 and in_sight and reactions.gap[k] < _NOTICE_RANGE

@@ -17,9 +17,11 @@ from ...core.compiled.scalar import angle_of, length
 from ...core.entities import PERSON_RADIUS
 from ...core.free_space import Space, is_free
 from ...core.geometry import Point
+from ...core.humans import BODY_X, BODY_Y
 from ...core.navigation import FloorPlan, find_edges, floor_plan
 from ...core.portable_math import Array, BoolArray, IntArray
 from ...core.scene import Scene
+from ...core.separation import place_corners
 from ...core.visibility import Graph
 from .routes import Routes
 from .social.company import Company, is_in_the_way
@@ -30,7 +32,7 @@ _WALL_TOLERANCE = 0.05  # m, by which a body may overlap a wall before its path 
 _BRAKING_TIME = 0.5  # s, in which the velocity of a pedestrian that stops carries it to where it will stand
 _LARGEST_CIRCLE = 1.0  # m, from the centre of a conversation to its members, up to which others do not walk through it
 LONGEST_PATH = 512  # points of the longest path that is found
-_RESTS, _IS_OBSTACLE, _ROBOT_X, _ROBOT_Y = range(4)  # items of `Obstacles.robot`
+_RESTS, _IS_OBSTACLE, _ROBOT_X, _ROBOT_Y, _COS, _SIN = range(6)  # items of `Obstacles.robot`
 _STANDING_SPEED, _STANDING_TIME = 0.05, 1.0  # m/s and s: a robot that is slower for so long counts as an obstacle
 
 
@@ -47,8 +49,10 @@ class Obstacles(NamedTuple):
         space_graph, tight_graph, passable_graph: visibility graphs.
         for_space, for_space_graph, ...: the same as kernels take it; `tight` is the space of bodies that pass sideways,
             and `places` also contains those between people who talk.
-        robot: (4,), ticks for which the robot has rested, whether it counts as an obstacle, and where it then is, m.
-        robot_radius: m.
+        robot: (6,), ticks for which the robot has rested, whether it counts as an obstacle, and where it then is, m,
+            and its heading, cosine and sine.
+        robot_core: (K, 2), corners of its outline in its frame, m; `robot_corners` is scratch.
+        robot_rounding: of its outline, m.
         side: to which pedestrians evade each other: 1 to the right, -1 to the left.
         dt: tick, s.
     """
@@ -68,7 +72,9 @@ class Obstacles(NamedTuple):
     for_passable_graph: Ints
     for_places: Ints
     robot: Floats
-    robot_radius: float
+    robot_core: Floats2
+    robot_corners: Floats2
+    robot_rounding: float
     side: float
     dt: float
 
@@ -116,7 +122,8 @@ class Spaces:
     """
 
     def __init__(self, scene: Scene, view_blocks: Solids) -> None:
-        humans = scene.humans
+        humans, outline = scene.humans, scene.robot.outline
+        core = np.array(outline.core)
         may_walk = [h for h in humans if scene.social.is_lively or h.behaviour in ("wandering", "walking")]
         depth = max((human.radius for human in may_walk), default=PERSON_RADIUS)
         breadth = max((human.shape.circumradius for human in may_walk), default=PERSON_RADIUS)
@@ -124,7 +131,7 @@ class Spaces:
         widths = self.clearance, depth + _TIGHT_CLEARANCE, depth - _WALL_TOLERANCE
         plans = [floor_plan(scene.outline, scene.barriers, width) for width in widths]
         solids, count = solids_of(scene.barriers), len(humans)
-        bodies, around = changeable_solids(solids, count + 1), changeable_solids(solids, 3 * count + 1)
+        bodies, around = changeable_solids(solids, count + len(core)), changeable_solids(solids, 3 * count + len(core))
         holes, hole_count = np.zeros((2 * count + 1, 4)), np.zeros(1, dtype=np.int64)
         no_holes = np.zeros((0, 4)), np.zeros(1, dtype=np.int64)
         added = [(around, holes, hole_count), (around, holes, hole_count), (bodies, *no_holes), (bodies, *no_holes)]
@@ -141,8 +148,8 @@ class Spaces:
         for_space_graph, for_tight_graph, for_passable_graph = for_graphs
         self.obstacles = Obstacles(
             solids, view_blocks, spaces[0], spaces[2], graphs[0], graphs[1], graphs[2], for_space, for_space_graph,
-            for_tight, for_tight_graph, for_passable, for_passable_graph, for_places, np.zeros(4),
-            float(scene.robot.radius), float(scene.rules.side), float(scene.rules.dt),
+            for_tight, for_tight_graph, for_passable, for_passable_graph, for_places, np.zeros(6),
+            core, core.copy(), float(outline.rounding), float(scene.rules.side), float(scene.rules.dt),
         )  # fmt: skip
 
 
@@ -160,6 +167,7 @@ def watch_robot(obstacles: Obstacles, robot: Array) -> bool:
     if is_obstacle == (own[_IS_OBSTACLE] != 0.0):
         return False
     own[_IS_OBSTACLE], own[_ROBOT_X], own[_ROBOT_Y] = 1.0 if is_obstacle else 0.0, robot[0], robot[1]
+    own[_COS], own[_SIN] = robot[BODY_X], robot[BODY_Y]
     return True
 
 
@@ -175,9 +183,13 @@ def update_obstacles(obstacles: Obstacles, company: Company, is_present: BoolArr
             set_barrier(bodies.table, count, place[k, 0], place[k, 1], place[k, 0], place[k, 1], company.size[k])
             count += 1
     if own[_IS_OBSTACLE] != 0.0:
-        x, y = own[_ROBOT_X], own[_ROBOT_Y]
-        set_barrier(bodies.table, count, x, y, x, y, obstacles.robot_radius)
-        count += 1
+        corners, sides = obstacles.robot_corners, len(obstacles.robot_core)
+        place_corners(obstacles.robot_core, own[_ROBOT_X], own[_ROBOT_Y], own[_COS], own[_SIN], corners)
+        for side in range(sides):
+            end = (side + 1) % sides
+            ends = corners[side, 0], corners[side, 1], corners[end, 0], corners[end, 1]
+            set_barrier(bodies.table, count, *ends, obstacles.robot_rounding)
+            count += 1
     bodies.used[0] = around.used[0] = count
     for k in range(count):
         for column in range(8):

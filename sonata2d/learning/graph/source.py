@@ -124,7 +124,7 @@ def _object_and_goal_rows(scene: Scene) -> Array:
     poses = [(thing.pose.x, thing.pose.y, thing.pose.theta) for thing in scene.furniture]
     poses.append((goal.x, goal.y, goal.theta))
     shapes = [*(thing.shape for thing in scene.furniture), Disc(goal.distance)]
-    sizes = [(2 * s.radius, 2 * s.radius) if isinstance(s, Disc) else (s.length, s.width) for s in shapes]
+    sizes = [shape.sides for shape in shapes]
     return _fixed_rows(poses, sizes, [s.radius if isinstance(s, Disc) else 0.0 for s in shapes])
 
 

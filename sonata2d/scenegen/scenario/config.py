@@ -177,7 +177,7 @@ class ScenarioConfig(Settings):
     @model_validator(mode="after")
     def _check_furniture_types(self) -> Self:
         for k, piece in enumerate(self.furniture):
-            if piece.size is None and self.size_of(piece.type) is None:
+            if piece.size is None and piece.body is None and self.size_of(piece.type) is None:
                 known = list(dict.fromkeys((*self.sizes, *FURNITURE_TYPES)))
                 hint = did_you_mean(piece.type, known) or f"; known types are {', '.join(known)}"
                 raise setting_error(f"furniture of unknown type needs a size{hint}", "furniture", k, "type")
@@ -207,7 +207,8 @@ class ScenarioConfig(Settings):
     @model_validator(mode="after")
     def _check_unguarded_speed(self) -> Self:
         rules, drive = self.rules, self.robot
-        speed = Robot(Pose(0.0, 0.0, 0.0), kinematics=drive.kinematics, limits=drive.limits).top_speed
+        pose = Pose(0.0, 0.0, 0.0)
+        speed = Robot(pose, kinematics=drive.kinematics, limits=drive.limits, drive=drive.drive).top_speed
         step = speed * rules.dt / rules.substeps
         if not rules.guard and (speed > _UNGUARDED_SPEED or step > _UNGUARDED_STEP):
             message = (

@@ -10,16 +10,20 @@ from pydantic import (
     BeforeValidator,
     Field,
     SerializerFunctionWrapHandler,
+    TypeAdapter,
+    ValidationError,
     WrapSerializer,
+    model_serializer,
     model_validator,
 )
 
 from ...core.bounds import Capacity, Fraction, NotNegative, Number, Positive
-from ...core.entities import DEFAULT_MODEL, Formation, Kinematics, Limits, Reaction
-from ...core.geometry import Point
+from ...core.entities import DEFAULT_MODEL, Formation, Limits, Reaction
+from ...core.geometry import Disc, Point, Polygon, Rectangle, Shape, quantised
 from ...core.labels import LabelSpec
 from ...core.scene import Rules, Social
-from ...registry import PEDESTRIAN_MODELS
+from ...core.wording import shown
+from ...registry import DRIVES, PEDESTRIAN_MODELS, did_you_mean, drive_class
 from .base import (
     BodyRadius,
     Breadth,
@@ -50,6 +54,46 @@ _GroupSize = Annotated[IntRange, within("a group has 2 to 6 people", 2, 6)]
 _Spacing = Annotated[Range, within("neighbours in a group need 0.5 m or more between their centres", 0.5)]
 
 
+class BodyConfig(Settings):
+    """An outline that is no disc.
+
+    Attributes:
+        shape: rectangle, with `length` along the heading and `width` across it, m; or polygon, a convex one with its
+            corners `points` in the body frame, [x, y] in m, counter-clockwise; or disc, with `radius`, m.
+    """
+
+    shape: Literal["disc", "rectangle", "polygon"]
+    radius: Positive | None = None
+    length: Positive | None = None
+    width: Positive | None = None
+    points: TupleOf[Point] | None = None
+
+    @model_validator(mode="after")
+    def _check_sizes(self) -> Self:
+        needed = {"disc": {"radius"}, "rectangle": {"length", "width"}, "polygon": {"points"}}[self.shape]
+        for key in ("radius", "length", "width", "points"):
+            if (getattr(self, key) is None) == (key in needed):
+                what = "needs" if key in needed else "has no"
+                raise setting_error(f"a {self.shape} {what} {key}", key)
+        try:
+            self.outline()
+        except ValueError as error:
+            raise setting_error(str(error), "points") from error
+        return self
+
+    @model_serializer(mode="plain")
+    def _serialise(self) -> dict[str, Any]:
+        return {key: value for key, value in vars(self).items() if value is not None}
+
+    def outline(self) -> Shape:
+        """The outline, at the precision of files."""
+        if self.shape == "polygon":
+            return Polygon(tuple((quantised(x), quantised(y)) for x, y in self.points or ()))
+        if self.shape == "rectangle":
+            return Rectangle(quantised(self.length or 0.0), quantised(self.width or 0.0))
+        return Disc(quantised(self.radius or 0.0))
+
+
 class FurnitureConfig(Settings):
     """A piece of furniture at a fixed position. A laptop that overlaps a table lies on it.
 
@@ -62,6 +106,7 @@ class FurnitureConfig(Settings):
             it.
         seat: whether one pedestrian can sit on it, above its centre and facing its front: +x, or -y of a piece that is
             longer (x) than wide (y). Default: if its type is one, such as a chair.
+        body: outline, given instead of `size`.
     """
 
     type: str
@@ -71,6 +116,18 @@ class FurnitureConfig(Settings):
     size: Size | None = None
     attracts: bool = True
     seat: bool | None = None
+    body: BodyConfig | None = None
+
+    @model_validator(mode="after")
+    def _check_size(self) -> Self:
+        if self.size is not None and self.body is not None:
+            raise setting_error("give size or body, not both", "body")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _serialise(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out what most pieces do not have."""
+        return {key: value for key, value in handler(self).items() if value is not None or key != "body"}
 
 
 class _DrawnOrFixed(Settings):
@@ -261,8 +318,11 @@ class RobotConfig(Settings):
     """The robot's drive, outline and start.
 
     Attributes:
-        kinematics: holonomic, or unicycle, which moves along its heading only: at a wall or a person it stops.
-        radius: m.
+        kinematics: name of the drive. holonomic; unicycle, which moves along its heading only: at a wall or a person it
+            stops; differential, omni, bicycle, or the drive of a plug-in.
+        drive: parameters of the drive by name, which replace its defaults.
+        radius: m, of a disc.
+        body: another outline.
         limits: of the drive.
         clearance: minimum clearance of a drawn start from walls, furniture and pedestrians, m.
         pose: x, y (m), theta (rad) of the start, world frame; default: drawn.
@@ -271,13 +331,43 @@ class RobotConfig(Settings):
             from its start through its goals. Default: no limit.
     """
 
-    kinematics: Kinematics = "holonomic"
+    kinematics: Annotated[str, AfterValidator(partial(require_registered, DRIVES))] = "holonomic"
     radius: Positive = 0.30
     limits: Annotated[Limits, Section(Limits())] = Limits()
     clearance: Positive = 0.2
     pose: tuple[Number, Number, Number] | None = None
     jitter: Jitter = (0.0, 0.0, 0.0)
     on_ways: Positive | None = None
+    body: BodyConfig | None = None
+    drive: dict[str, Number] | None = None
+
+    @model_validator(mode="after")
+    def _complete_drive(self) -> Self:
+        """Set all parameters of the drive."""
+        kind = drive_class(self.kinematics)
+        names = kind().parameters
+        for name in self.drive or ():
+            if name not in names:
+                hint = did_you_mean(name, names) or (f"; it has {', '.join(names)}" if names else "; it has none")
+                raise setting_error(f"the drive {self.kinematics} has no parameter {name!r}{hint}", "drive", name)
+        try:
+            parameters = TypeAdapter(kind).validate_python(self.drive or {}).parameters
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise setting_error(f"{first['msg']}, got {shown(first['input'])}", "drive", *first["loc"]) from error
+        vars(self)["drive"] = {name: quantised(value) for name, value in parameters.items()} or None
+        return self
+
+    @model_serializer(mode="wrap")
+    def _serialise(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out what most robots do not have."""
+        values: dict[str, Any] = handler(self)
+        return {key: value for key, value in values.items() if value is not None or key not in ("body", "drive")}
+
+    @property
+    def outline(self) -> Shape:
+        """The solid outline, at the precision of files."""
+        return Disc(quantised(self.radius)) if self.body is None else self.body.outline()
 
 
 class GoalConfig(Settings):

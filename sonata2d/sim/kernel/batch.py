@@ -14,6 +14,7 @@ from ...core.compiled.packing import Bools, Floats, Ints, packed_at, unpack
 from ...core.compiled.scalar import length, quantised, to_shoulder_line
 from ...core.humans import ACTIVITY_ALONE, BODY_X, BODY_Y, X, Y
 from ...core.portable_math import Array, BoolArray, IntArray
+from ...core.separation import DISTANCE
 from .rules import ROBOT_RADIUS
 from .step import Buffers
 from .tick import DONE, SEATS
@@ -198,9 +199,14 @@ def _measure(member: Member, world: Buffers) -> None:
     nearest = math.inf
     for k in range(len(humans)):
         if not world.attendance.is_absent[k]:
-            nearest = min(nearest, gap_to_person(robot, humans, k, guard.radius[k], guard.shoulder[k]))
+            gap = gap_to_person(robot, humans, k, guard.radius[k], guard.shoulder[k]) - world.rules[ROBOT_RADIUS]
+            if len(world.body.core) > 1:
+                person = humans[k, X], humans[k, Y], humans[k, BODY_X], humans[k, BODY_Y], guard.shoulder[k]
+                call(world.gap_at, (world, *person))
+                gap = world.body.found[DISTANCE] - world.body.rounding - guard.radius[k]
+            nearest = min(nearest, gap)
     measured[GOAL_DISTANCE] = length(member.goal[0] - robot[X], member.goal[1] - robot[Y])
-    measured[CLEARANCE] = nearest - world.rules[ROBOT_RADIUS]
+    measured[CLEARANCE] = nearest
     measured[WITH_HUMAN] = measured[WITH_OBJECT] = measured[WITH_WALL] = 0.0
     if guard.counts[2] != 0:
         for k in range(len(humans)):

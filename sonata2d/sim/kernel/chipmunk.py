@@ -19,7 +19,7 @@ from ...core.compiled.kernel import IS_COMPILED, subroutine
 from ...core.compiled.packing import Floats, Floats2, Ints
 
 # Items of `Engine.handle`, addresses: of C functions, of the space, and of the requests for reading and writing.
-_STEP, _EACH_BODY, _GET, _SET, _SET_ENDS, _SPACE, _READ, _WRITE, _PLACE = range(9)
+_STEP, _EACH_BODY, _GET, _SET, _SET_ENDS, _SET_OFFSET, _SPACE, _READ, _WRITE, _PLACE = range(10)
 _READ_COUNT, _WRITE_COUNT, _PLACE_COUNT = 0, 4, 8  # items of `Engine.counts`: the fields `num` of the buffers
 
 
@@ -32,6 +32,7 @@ _POINTERS = [
         "pmSpaceBodyGetIteratorFuncBatched",
         "pmSpaceBodySetIteratorFuncBatched",
         "cpSegmentShapeSetEndpoints",
+        "cpCircleShapeSetOffset",
     )
 ]
 _KINDS = {int(ffi.cast("intptr_t", pointer)): ffi.typeof(pointer) for pointer in _POINTERS}  # types by address
@@ -51,6 +52,8 @@ class Engine(NamedTuple):
         shoulder: (N,), half the length of their shoulder lines, m.
         addresses: (M,), of the bodies.
         placed: (4,), x, y, vx, vy, m and m/s: what `place` writes.
+        outline: (2 K,), addresses of the robot's shapes if it is no disc: its sides, then its corners.
+        corners: (K, 2), in the body frame, m; side k begins at corner k.
     """
 
     handle: Ints
@@ -61,6 +64,8 @@ class Engine(NamedTuple):
     shoulder: Floats
     addresses: Ints
     placed: Floats
+    outline: Ints
+    corners: Floats2
 
 
 class EngineMemory:
@@ -71,6 +76,8 @@ class EngineMemory:
         bodies: of the space, in its order.
         torsos: segments, the shapes of the pedestrians.
         shoulder: (N,), half the length of their shoulder lines, m.
+        outline: the shapes of the robot if it is no disc, see `Engine`.
+        corners: of the robot, in the body frame, m.
 
     Attributes:
         engine: the space for kernels.
@@ -82,6 +89,8 @@ class EngineMemory:
         bodies: Sequence[pymunk.Body],
         torsos: Sequence[pymunk.Segment],
         shoulder: NDArray[Any],
+        outline: Sequence[pymunk.Shape] = (),
+        corners: Sequence[tuple[float, float]] = (),
     ) -> None:
         count = len(bodies)
         # The engine would move a buffer with fewer than two free places, so that all are longer than needed.
@@ -103,7 +112,11 @@ class EngineMemory:
         shapes = np.array([_address(torso._shape) for torso in torsos], dtype=np.int64)
         of_bodies = np.array([_address(body._body) for body in bodies], dtype=np.int64)
         handle = np.array(addresses, dtype=np.int64)
-        self.engine = Engine(handle, counts, motions, forces, shapes, shoulder, of_bodies, numbers[2][:4])
+        self.engine = Engine(
+            handle, counts, motions, forces, shapes, shoulder, of_bodies, numbers[2][:4],
+            outline=np.array([_address(shape._shape) for shape in outline], dtype=np.int64),
+            corners=np.array(corners, dtype=float).reshape(-1, 2),
+        )  # fmt: skip
 
     def use(self, space: pymunk.Space) -> None:
         """Work on another space with the same bodies."""
@@ -139,9 +152,10 @@ if IS_COMPILED:
 
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             passed = cgutils.unpack_tuple(builder, arguments[1])
-            if sys.platform == "win32" and len(passed) == 5:
-                # It passes the addresses of the two vectors, others pass their numbers.
-                places = [cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), 2)) for _ in range(2)]
+            if sys.platform == "win32" and len(passed) > 2 and isinstance(passed[1].type, ir.DoubleType):
+                # It passes the addresses of the vectors, others pass their numbers.
+                count = len(passed) // 2
+                places = [cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), 2)) for _ in range(count)]
                 for n, number in enumerate(passed[1:]):
                     builder.store(number, cgutils.gep_inbounds(builder, places[n // 2], 0, n % 2))
                 passed = [passed[0], *places]
@@ -185,6 +199,19 @@ def turn_torso(engine: Engine, k: int, x: float, y: float) -> None:
     """
     half = engine.shoulder[k]
     _call(engine.handle[_SET_ENDS], (engine.torsos[k], -y * half, x * half, y * half, -x * half))
+
+
+@subroutine
+def turn_outline(engine: Engine, c: float, s: float) -> None:
+    """Turn the shapes of the robot to a heading, cosine and sine."""
+    corners, count = engine.corners, len(engine.corners)
+    for k in range(count):
+        following = (k + 1) % count
+        ax, ay = corners[k, 0] * c - corners[k, 1] * s, corners[k, 0] * s + corners[k, 1] * c
+        bx = corners[following, 0] * c - corners[following, 1] * s
+        by = corners[following, 0] * s + corners[following, 1] * c
+        _call(engine.handle[_SET_ENDS], (engine.outline[k], ax, ay, bx, by))
+        _call(engine.handle[_SET_OFFSET], (engine.outline[count + k], ax, ay))
 
 
 @subroutine

@@ -11,19 +11,20 @@ from ...core.entities import Human
 from ...core.humans import MAXIMUM_SPEED_RATIO, RESPONSE_TIME
 from ...core.portable_math import Array
 from ...core.scene import Scene
+from ...registry import drive_class
 
-# Items of the array. TICK and SUBSTEP in s; CONTACT_DISTANCE, ROBOT_RADIUS and HUMAN_RANGE in m; the limits of the
-# drive in m/s, rad/s, m/s^2 and rad/s^2; HOLONOMIC and GUARD are 0 or 1, SIDE is -1 or 1.
+# Items of the array. TICK and SUBSTEP in s; CONTACT_DISTANCE, ROBOT_RADIUS (of the circle around the outline) and
+# HUMAN_RANGE in m; OWN_SPEED in m/s; HOLONOMIC (moves sideways), COUPLED (turns only as it moves) and GUARD are 0 or 1,
+# SIDE is -1 or 1.
 (
-    TICK, SUBSTEP, SUBSTEPS, CONTACT_DISTANCE, GUARD, SIDE, ROBOT_RADIUS, HOLONOMIC, AHEAD, BACK, SIDEWAYS, TURN,
-    ACCELERATION, TURN_ACCELERATION, OWN_SPEED, HUMAN_RANGE,
-) = range(16)  # fmt: skip
+    TICK, SUBSTEP, SUBSTEPS, CONTACT_DISTANCE, GUARD, SIDE, ROBOT_RADIUS, HOLONOMIC, COUPLED, OWN_SPEED, HUMAN_RANGE,
+) = range(11)  # fmt: skip
 
 _PUSH_SPEED = 1.0  # m/s, that a push adds at least
 
 
 def rules_of(scene: Scene, steps: int, fastest_person: float) -> Array:
-    """The array of a scene, (16,).
+    """The array of a scene, (11,).
 
     Args:
         scene: rules, robot and pedestrians.
@@ -42,13 +43,8 @@ def rules_of(scene: Scene, steps: int, fastest_person: float) -> Array:
         GUARD: rules.guard,
         SIDE: rules.side,
         ROBOT_RADIUS: robot.radius,
-        HOLONOMIC: robot.kinematics == "holonomic",
-        AHEAD: limits.ahead,
-        BACK: limits.back,
-        SIDEWAYS: limits.sideways,
-        TURN: limits.turn,
-        ACCELERATION: limits.acceleration,
-        TURN_ACCELERATION: limits.turn_acceleration,
+        HOLONOMIC: robot.moves_sideways,
+        COUPLED: drive_class(robot.kinematics).is_coupled,
         OWN_SPEED: max(limits.ahead + limits.sideways, limits.back + limits.sideways),
         HUMAN_RANGE: max([fastest_person, *speeds]) * rules.dt + rules.contact_distance,
     }

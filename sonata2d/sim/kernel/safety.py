@@ -37,7 +37,7 @@ PUSH_DEPTH = 0.5  # of its motion in a substep: depth to which a robot without g
 _EXCESS = 1e-9  # m/s, by which a velocity limit may be exceeded
 _PASSES = 4  # over all limits, since keeping one can break another
 
-NORMAL_X, NORMAL_Y, GAP, LIMIT = range(4)  # columns of `Guard.separation`
+NORMAL_X, NORMAL_Y, GAP, LIMIT, LEVER = range(5)  # columns of `Guard.separation`
 
 # Bits of a contact in `Guard.human_contact` and `Guard.barrier_contact`.
 TOUCHED, ROBOT_AT_FAULT, OTHER_AT_FAULT = 1, 2, 4
@@ -55,8 +55,9 @@ class Guard(NamedTuple):
         barrier_owner: (B,) of int, the first barrier of the same wall or object.
         near: (N + B,) of int, the pedestrians and then the barriers that can come near within the tick.
         counts: (3,) of int, how many of them are pedestrians, and barriers; and 1 if there was a contact in the tick.
-        separation: (N + B, 4), scratch, for each near outline: unit vector from the robot to it, the gap, m, and the
-            maximum velocity of the robot towards it, m/s.
+        separation: (N + B, 5), scratch, for each near outline: unit vector from the robot to it, the gap, m, the
+            maximum velocity of the robot towards it, m/s, and of an outline that turns, the velocity with which a turn
+            rate of 1 rad/s moves the nearest point towards it, m/s.
     """
 
     radius: Floats
@@ -137,7 +138,7 @@ def limited(
         radii = barriers[k, RADIUS] + rules[ROBOT_RADIUS]
         _separate(separation[n], ax + t * dx - px, ay + t * dy - py, radii, 0.0, h)
     if rules[HOLONOMIC] != 0.0:
-        (vx, vy), is_reduced = _within_limits(separation, count, wanted_x, wanted_y)
+        (vx, vy), is_reduced = within_limits(separation, count, wanted_x, wanted_y)
     else:
         fraction = _fraction_within_limits(separation, count, wanted_x, wanted_y)
         vx, vy, is_reduced = wanted_x * fraction, wanted_y * fraction, fraction < 1.0
@@ -150,13 +151,13 @@ def limited(
             continue
         guard.counts[2] = 1
         if n >= people:
-            edge = _nearest_edge(guard, n, people, count)
+            edge = nearest_edge(guard, n, people, count)
             own_speed = wanted_x * separation[edge, NORMAL_X] + wanted_y * separation[edge, NORMAL_Y]
-            guard.barrier_contact[k] |= _faults(own_speed, 0.0)
+            guard.barrier_contact[k] |= faults_of(own_speed, 0.0)
             continue
         own_speed = wanted_x * nx + wanted_y * ny
         away = bodies[k, VX] * nx + bodies[k, VY] * ny
-        guard.human_contact[k] |= _faults(own_speed, -away)
+        guard.human_contact[k] |= faults_of(own_speed, -away)
         if remaining < 0.0 and towards > max(away, 0.0):
             # Half of the velocity difference, as in an inelastic collision of equal masses.
             push = min(push, max(1.0 - 0.5 * (towards - away) * towards / square, 0.0))
@@ -164,7 +165,7 @@ def limited(
 
 
 @subroutine
-def _nearest_edge(guard: Guard, n: int, first: int, count: int) -> int:
+def nearest_edge(guard: Guard, n: int, first: int, count: int) -> int:
     """The nearest edge of the object that near outline n belongs to; near barriers are those from `first` to `count`.
 
     A robot that slides along one side of a table also comes near to the end of the next one, but not by its own fault.
@@ -177,7 +178,7 @@ def _nearest_edge(guard: Guard, n: int, first: int, count: int) -> int:
 
 
 @subroutine
-def _within_limits(separation: Array, count: int, vx: float, vy: float) -> tuple[Vector, bool]:
+def within_limits(separation: Array, count: int, vx: float, vy: float) -> tuple[Vector, bool]:
     """The velocity without what exceeds the limits of the first `count` outlines, and whether it was reduced."""
     for done in range(_PASSES):
         is_reduced = False
@@ -206,7 +207,7 @@ def _fraction_within_limits(separation: Array, count: int, vx: float, vy: float)
 
 
 @subroutine
-def _faults(own_speed: float, other_speed: float) -> int:
+def faults_of(own_speed: float, other_speed: float) -> int:
     """The bits of a contact, from the speeds at which each side closes the gap, m/s."""
     bits = TOUCHED
     if own_speed > CLOSING_SPEED:

@@ -7,12 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...agents.drives.base import DriveState
 from ...core.barrier_grid import Solids, outline_gap
+from ...core.compiled.calls import call
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Bools, Floats, Floats2, Ints, unpack
 from ...core.compiled.scalar import (
     Vector,
-    clipped,
     length,
     rotation,
     shoulder_line_distance,
@@ -20,24 +21,21 @@ from ...core.compiled.scalar import (
 )
 from ...core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, X, Y
 from ...core.portable_math import Array, BoolArray
+from ...core.separation import DISTANCE
 from ...core.state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED
-from .chipmunk import Engine, apply_forces, place, read_bodies, step_space, turn_torso
+from .body import Body
+from .chipmunk import Engine, apply_forces, place, read_bodies, step_space, turn_outline, turn_torso
 from .posture import BODY_RATE, NECK, NECK_RATE, turn
 from .presence import Attendance, begin_attendance, follow_tracks, update_attendance
 from .rules import (
-    ACCELERATION,
-    AHEAD,
-    BACK,
+    COUPLED,
     GUARD,
     HOLONOMIC,
     ROBOT_RADIUS,
     SIDE,
-    SIDEWAYS,
     SUBSTEP,
     SUBSTEPS,
     TICK,
-    TURN,
-    TURN_ACCELERATION,
 )
 from .safety import Guard, find_near, limited
 
@@ -49,30 +47,10 @@ STUCK_DEPTH = 0.02  # m, of a torso in a solid, which the engine moves out where
 ROBOT_MASS = 1e6  # kg; so large that contacts do not move the robot, and their impulse can still be read
 
 # Items of the scratch array `drive`: the twist of the drive in this tick (body frame), the sums of the executed
-# velocities (body frame), cosine and sine of half the turn in a substep, and the velocity that the contacts of the
-# last substep would have taken from a body of a pedestrian's mass (world frame).
-_VX, _VY, _OMEGA, _SUM_X, _SUM_Y, _COS, _SIN, _LOST_X, _LOST_Y = range(9)
-DRIVE_SIZE = 9
-
-
-@subroutine
-def _reachable_twist(vx: float, vy: float, omega: float, robot: Array, rules: Array) -> tuple[float, float, float]:
-    """The twist nearest to a command that the robot's drive can reach within a tick; body frame, m/s and rad/s.
-
-    Args:
-        vx, vy, omega: command.
-        robot: columns of `core.state`. The drive starts from the twist that it executed in the last tick.
-        rules: see `rules`.
-    """
-    now_x, now_y, now_omega = robot[EXECUTED_VX], robot[EXECUTED_VY], robot[EXECUTED_OMEGA]
-    vx, vy = clipped(vx, -rules[BACK], rules[AHEAD]), clipped(vy, -rules[SIDEWAYS], rules[SIDEWAYS])
-    omega = clipped(omega, -rules[TURN], rules[TURN])
-    dx, dy, maximum = vx - now_x, vy - now_y, rules[ACCELERATION] * rules[TICK]
-    change = math.sqrt(dx * dx + dy * dy)
-    if change > maximum:
-        vx, vy = now_x + dx * (maximum / change), now_y + dy * (maximum / change)
-    turn_limit = rules[TURN_ACCELERATION] * rules[TICK]
-    return vx, vy, now_omega + clipped(omega - now_omega, -turn_limit, turn_limit)
+# velocities (body frame), cosine and sine of half the turn in a substep, the velocity that the contacts of the last
+# substep would have taken from a body of a pedestrian's mass (world frame), and the sum of the executed turn rates.
+_VX, _VY, _OMEGA, _SUM_X, _SUM_Y, _COS, _SIN, _LOST_X, _LOST_Y, _SUM_OMEGA = range(10)
+DRIVE_SIZE = 10
 
 
 class Buffers(NamedTuple):
@@ -85,8 +63,13 @@ class Buffers(NamedTuple):
         humans: (N, 9), columns of `core.humans`.
         posture: (N, 3), see `posture`.
         motion: (4,), x, y, vx, vy, m and m/s, of the robot after the last substep.
-        drive: (9,), scratch, kept between substeps.
+        drive: (10,), scratch, kept between substeps.
         rules: see `rules`.
+        reach: address of `Drive.kernel`.
+        drive_state: see there.
+        body: outline of the robot.
+        limit_motion: address of `shaped.limit_motion`; zeros for a disc whose drive turns by itself.
+        gap_at: address of `shaped.gap_at`; zeros for a disc.
         solids: walls and furniture.
         acceleration: (N, 2), m/s^2, of the pedestrians.
         attendance: presence of the pedestrians; absent ones feel no force.
@@ -104,6 +87,11 @@ class Buffers(NamedTuple):
     motion: Floats
     drive: Floats
     rules: Floats
+    reach: Ints
+    drive_state: DriveState
+    body: Body
+    limit_motion: Ints
+    gap_at: Ints
     solids: Solids
     acceleration: Floats2
     attendance: Attendance
@@ -129,12 +117,12 @@ def advance(packed_world: Any, vx: float, vy: float, omega: float, is_limited: b
     rules, solids = buffers.rules, buffers.solids
     count, h = humans.shape[0], rules[SUBSTEP]
     if first == 0:
-        if rules[HOLONOMIC] == 0.0:  # a unicycle has no sideways velocity
-            vy = 0.0
+        drive[_VX], drive[_VY], drive[_OMEGA] = vx, 0.0 if rules[HOLONOMIC] == 0.0 else vy, omega
         if is_limited:
-            vx, vy, omega = _reachable_twist(vx, vy, omega, robot, rules)
-        drive[_VX], drive[_VY], drive[_OMEGA], drive[_SUM_X], drive[_SUM_Y] = vx, vy, omega, 0.0, 0.0
-        drive[_COS], drive[_SIN] = rotation(omega * h * 0.5)
+            state, now = buffers.drive_state, robot[EXECUTED_VX : EXECUTED_OMEGA + 1]
+            call(buffers.reach, (state.parameters, state.limits, state.memory, now, drive[:3], rules[TICK]))
+        drive[_SUM_X], drive[_SUM_Y], drive[_SUM_OMEGA] = 0.0, 0.0, 0.0
+        drive[_COS], drive[_SIN] = rotation(drive[_OMEGA] * h * 0.5)
         robot[GUARDED] = 0.0
         find_near(guard, engine.bodies, solids, rules)
         _turn_bodies(buffers)
@@ -152,6 +140,8 @@ def advance(packed_world: Any, vx: float, vy: float, omega: float, is_limited: b
     if end == int(rules[SUBSTEPS]):
         robot[EXECUTED_VX], robot[EXECUTED_VY] = drive[_SUM_X] / rules[SUBSTEPS], drive[_SUM_Y] / rules[SUBSTEPS]
         robot[EXECUTED_OMEGA] = robot[OMEGA] = drive[_OMEGA]
+        if _is_shaped(buffers):
+            robot[EXECUTED_OMEGA] = drive[_SUM_OMEGA] / rules[SUBSTEPS]
         copy_bodies(engine.bodies, robot, humans)
 
 
@@ -202,10 +192,19 @@ def _is_stuck(buffers: Buffers, k: int) -> bool:
 @subroutine
 def _robot_gap(buffers: Buffers, k: int) -> float:
     """Gap between the robot and pedestrian k at the start of the tick, m."""
-    guard, robot, humans, torso = buffers.guard, buffers.robot, buffers.humans, buffers.guard.torso
-    dx, dy = humans[k, X] - robot[X], humans[k, Y] - robot[Y]
-    dx, dy = to_shoulder_line(dx, dy, torso[k, 0], torso[k, 1], guard.shoulder[k])
-    gap: float = length(dx, dy) - guard.radius[k] - buffers.rules[ROBOT_RADIUS]
+    humans, torso = buffers.humans, buffers.guard.torso
+    return _gap_to_robot(buffers, k, humans[k, X], humans[k, Y], torso[k, 0], torso[k, 1])
+
+
+@subroutine
+def _gap_to_robot(buffers: Buffers, k: int, x: float, y: float, bx: float, by: float) -> float:
+    """Gap between the robot and pedestrian k at a position, m, with the heading (bx, by); m."""
+    guard, robot, radius = buffers.guard, buffers.robot, buffers.rules[ROBOT_RADIUS]
+    dx, dy = to_shoulder_line(x - robot[X], y - robot[Y], bx, by, guard.shoulder[k])
+    gap: float = length(dx, dy) - guard.radius[k] - radius
+    if len(buffers.body.core) > 1 and gap < TOUCHING:  # within the circle around the outline
+        call(buffers.gap_at, (buffers, x, y, bx, by, guard.shoulder[k]))
+        gap = buffers.body.found[DISTANCE] - buffers.body.rounding - guard.radius[k]
     return gap
 
 
@@ -225,10 +224,9 @@ def _gap(buffers: Buffers, k: int, j: int, bx: float, by: float) -> float:
 @subroutine
 def _depth(buffers: Buffers, k: int, bx: float, by: float) -> float:
     """Room that pedestrian k lacks with the heading (bx, by), m: between robot and solids, or to other pedestrians."""
-    guard, robot, humans, rules = buffers.guard, buffers.robot, buffers.humans, buffers.rules
+    guard, humans = buffers.guard, buffers.humans
     x, y, radius, shoulder = humans[k, X], humans[k, Y], guard.radius[k], guard.shoulder[k]
-    dx, dy = to_shoulder_line(x - robot[X], y - robot[Y], bx, by, shoulder)
-    to_robot = length(dx, dy) - radius - rules[ROBOT_RADIUS]
+    to_robot = _gap_to_robot(buffers, k, x, y, bx, by)
     depth: float = -outline_gap(buffers.solids, x, y, bx, by, radius, shoulder, _BESIDE) - min(to_robot, 0.0)
     for j in range(len(humans)):
         if j != k:
@@ -263,9 +261,18 @@ def _move_robot(buffers: Buffers, h: float) -> None:
     """
     engine, robot, drive, rules = buffers.engine, buffers.robot, buffers.drive, buffers.rules
     last = len(engine.bodies) - 1
-    c, s = _half_turned(robot[BODY_X], robot[BODY_Y], drive)
-    wanted_x, wanted_y = drive[_VX] * c - drive[_VY] * s, drive[_VX] * s + drive[_VY] * c
-    (vx, vy), push, is_reduced = limited(buffers.guard, wanted_x, wanted_y, engine.bodies, buffers.solids, rules, h)
+    omega, half_x, half_y = drive[_OMEGA], drive[_COS], drive[_SIN]
+    if _is_shaped(buffers):
+        call(buffers.limit_motion, (buffers, drive[_VX], drive[_VY], omega, h))
+        motion = buffers.body.motion
+        omega, push, is_reduced = motion[2], motion[3], motion[4] == 1.0
+        half_x, half_y = rotation(omega * h * 0.5)
+        c, s = _turned(robot[BODY_X], robot[BODY_Y], half_x, half_y)
+        vx, vy = motion[0] * c - motion[1] * s, motion[0] * s + motion[1] * c
+    else:
+        c, s = _turned(robot[BODY_X], robot[BODY_Y], half_x, half_y)
+        wanted_x, wanted_y = drive[_VX] * c - drive[_VY] * s, drive[_VX] * s + drive[_VY] * c
+        (vx, vy), push, is_reduced = limited(buffers.guard, wanted_x, wanted_y, engine.bodies, buffers.solids, rules, h)
     if is_reduced:
         robot[GUARDED] = 1.0
     fraction = _unresisted_fraction(vx, vy, drive)
@@ -278,15 +285,24 @@ def _move_robot(buffers: Buffers, h: float) -> None:
     drive[_LOST_X], drive[_LOST_Y] = vx * push, vy * push
     engine.forces[last, 0], engine.forces[last, 1] = vx * push * (ROBOT_MASS / h), vy * push * (ROBOT_MASS / h)
     ahead, left = vx * c + vy * s, vy * c - vx * s
-    if rules[HOLONOMIC] == 0.0:
+    if rules[HOLONOMIC] == 0.0 and rules[COUPLED] == 0.0:
         left = 0.0  # not a rounding error
     drive[_SUM_X], drive[_SUM_Y] = drive[_SUM_X] + ahead, drive[_SUM_Y] + left
-    c, s = _half_turned(c, s, drive)
+    c, s = _turned(c, s, half_x, half_y)
+    drive[_SUM_OMEGA] += omega
     norm = math.sqrt(c * c + s * s)
     c, s = c / norm, s / norm
     robot[BODY_X], robot[BODY_Y] = c, s
+    if len(engine.outline) > 0:
+        turn_outline(engine, c, s)
     # The velocity turns with the body.
     motion[VX], motion[VY] = ahead * c - left * s, ahead * s + left * c
+
+
+@subroutine
+def _is_shaped(buffers: Buffers) -> bool:
+    """Whether the robot is no disc, or turns only as it moves."""
+    return bool(len(buffers.body.core) > 1 or buffers.rules[COUPLED] != 0.0)
 
 
 @subroutine
@@ -303,9 +319,9 @@ def _unresisted_fraction(vx: float, vy: float, drive: Array) -> float:
 
 
 @subroutine
-def _half_turned(c: float, s: float, drive: Array) -> Vector:
-    """A direction turned by half of the turn in a substep."""
-    return c * drive[_COS] - s * drive[_SIN], s * drive[_COS] + c * drive[_SIN]
+def _turned(c: float, s: float, turn_x: float, turn_y: float) -> Vector:
+    """A direction turned by an angle with a cosine and a sine."""
+    return c * turn_x - s * turn_y, s * turn_x + c * turn_y
 
 
 @subroutine

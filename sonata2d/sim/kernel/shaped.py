@@ -1,0 +1,248 @@
+"""The safety guard of robots that are no discs, or whose drive turns only as it moves.
+
+As `safety.limited` for a disc, with two differences: an outline that turns moves its corners, and after velocity and
+turn rate were limited by the nearest points, the pose at the end of the substep is tried.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...core.barrier_grid import outline_gap
+from ...core.compiled.kernel import kernel, subroutine
+from ...core.compiled.packing import unpack
+from ...core.compiled.scalar import Vector, clipped, length, rotation
+from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
+from ...core.portable_math import Array
+from ...core.separation import ARM_X, ARM_Y, DISTANCE, NORMAL_X, NORMAL_Y, place_corners, separate
+from .body import ALLOWED, END_X, END_Y, RADIUS, START_GAP, START_X, START_Y, Body
+from .rules import CONTACT_DISTANCE, COUPLED, GUARD, HOLONOMIC, ROBOT_RADIUS
+from .safety import (
+    GAP,
+    LEVER,
+    LIMIT,
+    NORMAL_X as OUT_X,
+    NORMAL_Y as OUT_Y,
+    PUSH_DEPTH,
+    Guard,
+    faults_of,
+    nearest_edge,
+    within_limits,
+)
+from .step import Buffers
+
+_HALVINGS = 10  # of the interval in which the largest fraction of a motion is searched
+_TOLERANCE = 1e-7  # m, by which an outline may come too near
+
+
+@kernel
+def gap_at(packed_world: Any, x: float, y: float, body_x: float, body_y: float, shoulder: float) -> None:
+    """Find the separation of the robot and the shoulder line of a person at the start of a tick, into `Body.found`.
+
+    Args:
+        packed_world: packed `Buffers`.
+        x, y: position of the person, m.
+        body_x, body_y: unit vector of its heading.
+        shoulder: half the length of its shoulder line, m.
+    """
+    world = unpack(packed_world, Buffers)
+    body, robot = world.body, world.robot
+    place_corners(body.core, robot[X], robot[Y], robot[BODY_X], robot[BODY_Y], body.corners)
+    dx, dy = -body_y * shoulder, body_x * shoulder
+    separate(body.corners, x + dx, y + dy, x - dx, y - dy, body.found)
+
+
+@kernel
+def limit_motion(packed_world: Any, ahead: float, left: float, omega: float, h: float) -> None:
+    """Reduce the robot's motion so that no gap becomes negative in a substep; record contacts; fill `Body.motion`.
+
+    The turn is limited first, then the velocity: a robot at a wall can turn away from it. A drive that turns only as it
+    moves has both reduced by the same factor.
+
+    Args:
+        packed_world: packed `Buffers`, after `find_near`.
+        ahead, left: velocity that the drive would set, m/s, body frame in the middle of the substep.
+        omega: turn rate that the drive would set, rad/s.
+        h: duration of the substep, s.
+    """
+    world = unpack(packed_world, Buffers)
+    guard, body, rules = world.guard, world.body, world.rules
+    count, is_guarded = guard.counts[0] + guard.counts[1], rules[GUARD] != 0.0
+    motion = body.motion
+    motion[0], motion[1], motion[2] = ahead, left, omega
+    motion[3], motion[4] = 0.0 if is_guarded else 1.0, 0.0
+    if count == 0:
+        return
+    _find_targets(world, length(ahead, left) + abs(omega) * rules[ROBOT_RADIUS], h)
+    if rules[COUPLED] == 0.0:
+        _limit_turn(guard, motion, count)
+    _limit_velocity(world, h)
+    _try_motion(world, h)
+    is_reduced = motion[0] != ahead or motion[1] != left or motion[2] != omega
+    motion[4] = 1.0 if is_reduced and is_guarded else 0.0
+    _note_contacts(world, ahead, left, omega, h)
+
+
+@subroutine
+def _find_targets(world: Buffers, speed: float, h: float) -> None:
+    """Fill `Body.target` and `Guard.separation` for the near outlines, of a robot with a speed, m/s, at its corners."""
+    guard, body, robot, rules, solids = world.guard, world.body, world.robot, world.rules, world.solids
+    bodies, people, count = world.engine.bodies, guard.counts[0], guard.counts[0] + guard.counts[1]
+    last, target, barriers = len(bodies) - 1, body.target, solids.table
+    depth = 0.0 if rules[GUARD] != 0.0 else PUSH_DEPTH * h * speed
+    place_corners(body.core, bodies[last, X], bodies[last, Y], robot[BODY_X], robot[BODY_Y], body.corners)
+    for n in range(count):
+        k, row = guard.near[n], target[n]
+        if n < people:
+            x, y = bodies[k, X] + bodies[k, VX] * h, bodies[k, Y] + bodies[k, VY] * h  # at the end of the substep
+            torso, radius, shoulder = guard.torso[k], guard.radius[k], guard.shoulder[k]
+            dx, dy = -torso[1] * shoulder, torso[0] * shoulder
+            row[START_X], row[START_Y], row[END_X], row[END_Y] = x + dx, y + dy, x - dx, y - dy
+            row[RADIUS], row[ALLOWED] = radius, 0.0
+            if depth > 0.0:  # a person that is pressed against something stops the robot
+                room = outline_gap(solids, x, y, torso[0], torso[1], radius, shoulder, depth)
+                row[ALLOWED] = clipped(room, 0.0, depth)
+        else:
+            for column in range(5):  # the same columns
+                row[column] = barriers[k, column]
+            row[ALLOWED] = 0.0
+        _separate_from(body, n, bodies[last, X], bodies[last, Y], guard.separation[n])
+        row[START_GAP] = guard.separation[n, GAP]
+        guard.separation[n, LIMIT] = max(row[START_GAP] + row[ALLOWED], 0.0) / h
+
+
+@subroutine
+def _separate_from(body: Body, n: int, x: float, y: float, row: Array) -> None:
+    """Fill a row of `Guard.separation`, but for its limit, with the robot's corners placed around (x, y), m."""
+    target, found = body.target[n], body.found
+    separate(body.corners, target[START_X], target[START_Y], target[END_X], target[END_Y], found)
+    row[OUT_X], row[OUT_Y] = found[NORMAL_X], found[NORMAL_Y]
+    row[GAP] = found[DISTANCE] - body.rounding - target[RADIUS]
+    row[LEVER] = (found[ARM_X] - x) * found[NORMAL_Y] - (found[ARM_Y] - y) * found[NORMAL_X]
+
+
+@subroutine
+def _velocity(robot: Array, ahead: float, left: float, omega: float, h: float) -> Vector:
+    """The velocity in the world frame of a motion that turns: along the heading in the middle of the substep."""
+    turn_x, turn_y = rotation(omega * h * 0.5)
+    c, s = robot[BODY_X] * turn_x - robot[BODY_Y] * turn_y, robot[BODY_Y] * turn_x + robot[BODY_X] * turn_y
+    return ahead * c - left * s, ahead * s + left * c
+
+
+@subroutine
+def _limit_turn(guard: Guard, motion: Array, count: int) -> None:
+    """Scale the turn rate until it keeps all limits by itself."""
+    fraction = 1.0
+    for n in range(count):
+        speed = motion[2] * guard.separation[n, LEVER]
+        if speed > guard.separation[n, LIMIT]:
+            fraction = min(fraction, guard.separation[n, LIMIT] / speed)
+    motion[2] *= fraction
+
+
+@subroutine
+def _limit_velocity(world: Buffers, h: float) -> None:
+    """Limit the velocity by what the turn leaves of the limits: without what exceeds them, or scaled.
+
+    A drive that turns only as it moves has its turn rate scaled as well.
+    """
+    guard, robot, motion = world.guard, world.robot, world.body.motion
+    count, is_coupled = guard.counts[0] + guard.counts[1], world.rules[COUPLED] != 0.0
+    vx, vy = _velocity(robot, motion[0], motion[1], motion[2], h)
+    fraction = 1.0
+    for n in range(count):
+        row = guard.separation[n]
+        speed = vx * row[OUT_X] + vy * row[OUT_Y]
+        if is_coupled:
+            speed += motion[2] * row[LEVER]
+        else:
+            row[LIMIT] = max(row[LIMIT] - motion[2] * row[LEVER], 0.0)
+        if speed > row[LIMIT]:
+            fraction = min(fraction, row[LIMIT] / speed)
+    if fraction == 1.0:
+        return
+    if is_coupled:
+        for item in range(3):
+            motion[item] *= fraction
+    elif world.rules[HOLONOMIC] == 0.0:
+        motion[0] *= fraction
+    else:
+        (vx, vy), _ = within_limits(guard.separation, count, vx, vy)
+        unit_x, unit_y = _velocity(robot, 1.0, 0.0, motion[2], h)
+        motion[0], motion[1] = vx * unit_x + vy * unit_y, vy * unit_x - vx * unit_y
+
+
+@subroutine
+def _try_motion(world: Buffers, h: float) -> None:
+    """Scale the motion until the robot can be where it ends: other corners may come near than at its start."""
+    motion, is_coupled = world.body.motion, world.rules[COUPLED] != 0.0
+    ahead, left, omega = motion[0], motion[1], motion[2]
+    if _fits(world, ahead, left, omega, h):
+        return
+    # With the turn alone where that is possible, else by the turn alone, the velocity being 0.
+    keeps_turn = not is_coupled and omega != 0.0 and _fits(world, 0.0, 0.0, omega, h)
+    keeps_velocity = not is_coupled and not keeps_turn and _fits(world, ahead, left, 0.0, h)
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        of_velocity, of_turn = 1.0 if keeps_velocity else middle, 1.0 if keeps_turn else middle
+        if _fits(world, ahead * of_velocity, left * of_velocity, omega * of_turn, h):
+            low = middle
+        else:
+            high = middle
+    of_velocity, of_turn = 1.0 if keeps_velocity else low, 1.0 if keeps_turn else low
+    motion[0], motion[1], motion[2] = ahead * of_velocity, left * of_velocity, omega * of_turn
+
+
+@subroutine
+def _fits(world: Buffers, ahead: float, left: float, omega: float, h: float) -> bool:
+    """Whether the robot overlaps with nothing more than it is allowed to, or did before, at the end of a motion."""
+    guard, body = world.guard, world.body
+    x, y = _place_at_end(world, ahead, left, omega, h)
+    for n in range(guard.counts[0] + guard.counts[1]):
+        _separate_from(body, n, x, y, guard.separation[n])
+        if guard.separation[n, GAP] < min(body.target[n, START_GAP], -body.target[n, ALLOWED]) - _TOLERANCE:
+            return False
+    return True
+
+
+@subroutine
+def _place_at_end(world: Buffers, ahead: float, left: float, omega: float, h: float) -> Vector:
+    """Place the robot's corners where they are at the end of a motion; its centre there, m."""
+    robot, bodies, body = world.robot, world.engine.bodies, world.body
+    last = len(bodies) - 1
+    vx, vy = _velocity(robot, ahead, left, omega, h)
+    x, y = bodies[last, X] + vx * h, bodies[last, Y] + vy * h
+    turn_x, turn_y = rotation(omega * h)
+    c, s = robot[BODY_X] * turn_x - robot[BODY_Y] * turn_y, robot[BODY_Y] * turn_x + robot[BODY_X] * turn_y
+    place_corners(body.core, x, y, c, s, body.corners)
+    return x, y
+
+
+@subroutine
+def _note_contacts(world: Buffers, ahead: float, left: float, omega: float, h: float) -> None:
+    """Record the contacts at the end of the motion, faults by the wanted motion; and what the robot pushes."""
+    guard, body, bodies, motion = world.guard, world.body, world.engine.bodies, world.body.motion
+    people, count = guard.counts[0], guard.counts[0] + guard.counts[1]
+    wanted_x, wanted_y = _velocity(world.robot, ahead, left, omega, h)
+    vx, vy = _velocity(world.robot, motion[0], motion[1], motion[2], h)
+    x, y = _place_at_end(world, motion[0], motion[1], motion[2], h)
+    for n in range(count):
+        _separate_from(body, n, x, y, guard.separation[n])
+    for n in range(count):
+        k, row = guard.near[n], guard.separation[n]
+        if row[GAP] >= world.rules[CONTACT_DISTANCE]:
+            continue
+        guard.counts[2] = 1
+        if n >= people:
+            row = guard.separation[nearest_edge(guard, n, people, count)]
+            own_speed = wanted_x * row[OUT_X] + wanted_y * row[OUT_Y] + omega * row[LEVER]
+            guard.barrier_contact[k] |= faults_of(own_speed, 0.0)
+            continue
+        own_speed = wanted_x * row[OUT_X] + wanted_y * row[OUT_Y] + omega * row[LEVER]
+        away = bodies[k, VX] * row[OUT_X] + bodies[k, VY] * row[OUT_Y]
+        guard.human_contact[k] |= faults_of(own_speed, -away)
+        towards, square = vx * row[OUT_X] + vy * row[OUT_Y] + motion[2] * row[LEVER], vx * vx + vy * vy
+        if row[GAP] < 0.0 and towards > max(away, 0.0) and square > 0.0:
+            # Half of the velocity difference, as in an inelastic collision of equal masses.
+            motion[3] = min(motion[3], max(1.0 - 0.5 * (towards - away) * towards / square, 0.0))
