@@ -33,9 +33,13 @@ import sonata2d.testing as s2t
 import sonata2d.view as s2v
 from sonata2d.agents import KernelController
 from sonata2d.agents.controllers.planner import Weights
+from sonata2d.agents.drives.built_in import Differential
+from sonata2d.agents.sensors.base import SensorNoise
+from sonata2d.agents.sensors.lidar import LidarReading
 from sonata2d.core.entities import Furniture, Goal, Human, Limits, Robot, Wall
 from sonata2d.core.floats import FloatFields
 from sonata2d.core.geometry import Disc, Rectangle
+from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Rules
 from sonata2d.errors import ConfigError, RenderError
 from sonata2d.gym.description import describe
@@ -101,6 +105,13 @@ def env() -> s2g.SocialNavEnv:
 
 def mapping() -> s2a.DeviceMapping:
     return s2a.DeviceMapping({"w": ("ahead", 0.5), "left_x": ("turn", -1.0)}, 0.1, 0.2)
+
+
+@cache
+def scan() -> LidarReading:
+    """A scan of the first scene."""
+    noise = SensorNoise(RandomStream(1, 0, "sensors"))
+    return s2a.Lidar(rays=60).start(scene())(snapshots()[0], noise)  # type: ignore[no-any-return]
 
 
 class Driving(s2.Controller):
@@ -259,6 +270,15 @@ CASES: dict[str, Callable[[Number], Any]] = {
     "sonata2d.gym.Distance": lambda n: reward(s2g.Distance, n),
     "sonata2d.gym.Dsrnn": lambda n: reward(s2g.Dsrnn, n),
     "sonata2d.gym.SocNavGym": lambda n: reward(s2g.SocNavGym, n),
+    "sonata2d.agents.Drive": lambda n: Differential(n(1), n(2), n(3)),
+    "sonata2d.agents.Camera": lambda n: s2a.Camera(rate=n(2), latency=n(1), view_range=n(3)),
+    "sonata2d.agents.FieldOfView": lambda n: s2a.FieldOfView("view", n(2), n(1), n(2), n(5)),
+    "sonata2d.agents.Lidar": lambda n: s2a.Lidar(
+        "scan", n(2), n(1), 8, n(3), n(5), n(0), (n(1), n(0)), n(1), n(0), n(0)
+    ),
+    "sonata2d.agents.Odometry": lambda n: s2a.Odometry("odometry", n(2), n(1), n(0), n(1), n(0), n(1)),
+    "sonata2d.agents.PeopleDetector": lambda n: s2a.PeopleDetector("people", n(2), n(1), n(2), n(5), True, n(0), n(1)),
+    "sonata2d.agents.costmap": lambda n: s2a.costmap(scan(), n(4), n(1), n(1), n(2), n(1)),
     "sonata2d.gym.Sparse": lambda n: reward(s2g.Sparse, n),
     "sonata2d.gym.SocialNavEnv.action_of": lambda n: env().action_of(s2.Twist(n(1), n(0), n(1))),
     "sonata2d.gym.DiscreteActions": lambda n: (
@@ -293,6 +313,8 @@ CASES: dict[str, Callable[[Number], Any]] = {
 
 # Values that sonata2d makes, or passes to methods of subclasses; and numbers between 0 and 1.
 MADE = {
+    "sonata2d.agents.Costmap",
+    "sonata2d.agents.Sensor",
     "sonata2d.gym.WorldsStep",
     "sonata2d.EpisodeRecord",
     "sonata2d.Frame",
@@ -405,4 +427,4 @@ def test_every_dataclass_with_floats_makes_them_floats_or_has_a_case() -> None:
     names = {name.rpartition(".")[2] for name in (*CASES, *MADE)} | set(re.findall(r"\w+", str(fields(s2.Scene))))
     others = {kind.__name__ for kind in settings_with_floats() if not issubclass(kind, FloatFields)} - names
     # the first makes floats itself, sonata2d makes the others
-    assert others == {"DeviceEvent", "Humans", "RobotState", "States", "TickInput"}
+    assert others == {"DeviceEvent", "Humans", "LidarReading", "RobotState", "States", "TickInput"}

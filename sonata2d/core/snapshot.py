@@ -98,6 +98,8 @@ class Snapshot(Drawable):
         contacts: of the robot during the last tick.
         events: of input devices since the last snapshot.
         image: (H, W, 3) of uint8 if the controller requests one (`Controller.image`), else None.
+        sensors: readings of the controller's sensors by name (`Controller.sensors`), such as `sensors.lidar`; None if
+            it has none.
     """
 
     tick: int
@@ -109,6 +111,7 @@ class Snapshot(Drawable):
     contacts: tuple[Contact, ...] = ()
     events: tuple[DeviceEvent, ...] = ()
     image: Any = None
+    sensors: Any = None
     _state: State | None = field(default=None, init=False, repr=False, compare=False)
 
     @classmethod
@@ -130,7 +133,7 @@ class Snapshot(Drawable):
         snapshot = object.__new__(cls)
         values = vars(snapshot)  # of all attributes except `robot` and `humans`; the class is frozen
         values.update(tick=tick, time=round(tick * scene.rules.dt, 4), scene=scene, interactions=interactions)
-        values.update(contacts=contacts, events=events, image=None, _state=state)
+        values.update(contacts=contacts, events=events, image=None, sensors=None, _state=state)
         return snapshot
 
     def __getattr__(self, name: str) -> Any:

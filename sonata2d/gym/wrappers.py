@@ -22,13 +22,14 @@ from ..core.arguments import finite_number, positive_number, whole_number
 from ..core.barrier_grid import packed_solids
 from ..core.files.limits import MAX_OBSERVATION, MAX_ROWS
 from ..core.furniture_types import OBJECT_TYPES
+from ..core.humans import BODY_X, BODY_Y, X, Y
 from ..core.portable_math import PI, Array, BoolArray, unit_vectors
+from ..core.rays import fill_bodies, measure_ranges, visible
 from ..core.relations import ACTIVITIES, RELATIONS
 from ..core.wording import one_line
 from ..registry import did_you_mean
 from .env import Env, SocialNavEnv, base_of, wrappers_of
 from .parts import FARTHEST, STANDARD, Floats32, Observation, Table
-from .sensing import measure_ranges, visible
 
 
 def has_memory(wrapper: gymnasium.Wrapper[Any, Any, Any, Any]) -> bool:
@@ -96,7 +97,7 @@ class EpisodeWrapper(gymnasium.ObservationWrapper[Any, Any, Any], RecordConstruc
         return space
 
     def _bodies(self) -> tuple[Array, BoolArray, Array, Array]:
-        """The first arguments of the kernels of `sensing`.
+        """The first arguments of the kernels of `core.rays`.
 
         Returns:
             The row of the present state; for each of the N pedestrians, whether it is in the room, (N,), its radius
@@ -313,8 +314,11 @@ class Lidar(EpisodeWrapper):
 
     def observation(self, observation: Observation) -> Observation:
         ranges = np.full(len(self._directions), self._distance)
-        solids = packed_solids(self._base.scene.barriers).argument
-        measure_ranges(*self._bodies(), solids, self._directions, ranges)
+        solids, lines = packed_solids(self._base.scene.barriers).argument, np.empty((len(self._base.scene.humans), 5))
+        row, is_present, radius, shoulder = self._bodies()
+        lines = lines[: fill_bodies(row, is_present, radius, shoulder, lines)]
+        x, y, c, s = (float(row[column]) for column in (X, Y, BODY_X, BODY_Y))
+        measure_ranges(x, y, c, s, solids, lines, self._directions, ranges)
         return {**{name: observation[name] for name in self._kept}, "lidar": ranges.astype(np.float32)}
 
 

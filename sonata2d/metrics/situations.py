@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from ..agents.controllers.base import Controller
+from ..agents.sensors.base import Renderer
 from ..core.proxemics import SOCIAL_DISTANCE
 from ..errors import ConfigError
 from ..record.record import EpisodeRecord
@@ -18,7 +19,7 @@ from ..record.recorder import EpisodeRecorder
 from ..registry import did_you_mean
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
-from ..sim.episode import Episode, Renderer
+from ..sim.episode import Episode
 from .encounters import HEAD_ON_ANGLE, SAME_WAY_ANGLE, Encounter, Kind, Meeting, encounter
 
 _MEETING_CLEARANCE = 2.0  # m, between outlines; a larger clearance is not a meeting

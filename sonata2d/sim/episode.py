@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from typing import Any, SupportsIndex
@@ -11,7 +11,8 @@ from typing import Any, SupportsIndex
 from ..agents.controllers.base import Controller, External, Regenerate, Stop, recorded_path, require_controller
 from ..agents.controllers.compiled import KernelController
 from ..agents.pedestrians.crowd import Crowd
-from ..core.devices import DeviceEvent, ImageRequest
+from ..agents.sensors.base import Renderer, SensorSuite, known_to, shown_to
+from ..core.devices import DeviceEvent
 from ..core.drawable import Drawable
 from ..core.files import interruption
 from ..core.geometry import Twist, quantised
@@ -26,8 +27,6 @@ from .inputs import Inputs, TickInput
 from .member import CompiledRun
 from .world import World
 
-Renderer = Callable[[Snapshot, ImageRequest], Any]  # returns (H, W, 3) of uint8
-
 
 def renderer_for(controller: Controller) -> Renderer | None:
     """The renderer of the camera images that a controller requests.
@@ -35,7 +34,7 @@ def renderer_for(controller: Controller) -> Renderer | None:
     Returns:
         `sonata2d.view.image_of`; None, without importing pygame, if the controller requests no images.
     """
-    if controller.image is None:
+    if controller.image is None and not any(getattr(sensor, "request", None) for sensor in controller.sensors):
         return None
     from ..view.painter import image_of
 
@@ -91,7 +90,8 @@ class Episode(Drawable):
         self._renderer = renderer
         self._crowd, self._world = Crowd(scene), World(scene)
         self._observed: Snapshot | None = None  # of the present tick
-        controller.reset(scene)
+        self._sensors = SensorSuite(controller.sensors, scene, renderer)
+        controller.reset(known_to(controller, scene))
         for observer in self.observers:
             observer.open(scene, self._controller_info)
 
@@ -145,7 +145,7 @@ class Episode(Drawable):
     @property
     def _may_skip(self) -> bool:
         """Whether people and observers do without the interpreter in some ticks."""
-        is_plain = type(self).step is Episode.step and self._crowd.is_compiled
+        is_plain = type(self).step is Episode.step and self._crowd.is_compiled and not self._sensors
         return is_plain and all(map(_takes_many_frames, self.observers))
 
     def _run_frames(self, run: CompiledRun, limit: int | None = None) -> bool:
@@ -349,7 +349,9 @@ class Episode(Drawable):
         try:
             if controller.image is not None and self._renderer is not None:
                 snapshot = replace(snapshot, image=self._renderer(snapshot, controller.image))
-            answer = controller.act(snapshot)
+            if self._sensors:
+                snapshot = replace(snapshot, sensors=self._sensors.observe(snapshot))
+            answer = controller.act(shown_to(controller, snapshot))
             if isinstance(answer, (Stop, Regenerate)):
                 status: Status = "stopped" if isinstance(answer, Stop) else "regenerate"
                 return Outcome(status, answer.reason, snapshot.tick, snapshot.time)
@@ -368,6 +370,8 @@ class Episode(Drawable):
         """Send the frame to the observers, then move the world."""
         frame = Frame(snapshot, tick_input.command, tick_input.label)
         try:
+            if self._sensors:  # also in ticks in which the controller is not asked: odometry goes on
+                self._sensors.observe(snapshot)
             for observer in self.observers:
                 observer.on_frame(frame)
             self._world.run_tick(tick_input.command, self._crowd)

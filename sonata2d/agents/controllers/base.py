@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
@@ -14,6 +14,7 @@ from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...core.wording import one_line, shown
 from ...errors import ControllerError
+from ..sensors.base import Sensor
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +84,9 @@ class Controller(ABC):
         version: recorded in every file; raise it when the behaviour changes.
         labels: meaning of each key that `label` returns, recorded in every file.
         image: the camera image to render into every snapshot; None renders nothing and costs nothing.
+        sensors: of the robot, such as `Lidar()`; `act` and `label` read them as `snapshot.sensors`.
+        partial: whether `act` gets no more than the robot knows: the readings of its sensors, its goal, and what its
+            drive executed. `label` gets the whole snapshot.
         deterministic: True if equal snapshots always give equal answers; `check --rerun` then verifies recorded runs.
 
     >>> class Forward(Controller):
@@ -93,6 +97,8 @@ class Controller(ABC):
     version: ClassVar[str | None] = None
     labels: Mapping[str, str] = {}
     image: ImageRequest | None = None
+    sensors: Sequence[Sensor] = ()
+    partial: bool = False
     deterministic: bool = True
 
     @classmethod

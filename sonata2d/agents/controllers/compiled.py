@@ -89,6 +89,7 @@ class KernelController(Controller):
         """
         kind, own = type(self), vars(self)
         is_plain = kind.act is KernelController.act and kind.label is Controller.label and self.image is None
+        is_plain = is_plain and not self.sensors and not self.partial
         if not is_plain or "act" in own or "label" in own:
             return None
         return controller_address(self._kernel), self._memory_for(scene)

@@ -9,6 +9,7 @@ from ...core.geometry import Twist
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...errors import ControllerError
+from ..sensors.base import known_to, shown_to
 from .base import Answer, Controller, Regenerate, Stop
 
 
@@ -25,8 +26,8 @@ class Labelled(Controller):
         labeller: receives every snapshot; its command is recorded and never executed.
 
     Raises:
-        ControllerError: the labeller requests a camera image; or, from `act`, it returns something other than a
-            finite twist or a request.
+        ControllerError: the labeller requests a camera image or has sensors; or, from `act`, it returns something other
+            than a finite twist or a request.
 
     Source: S. Ross, G. Gordon & D. Bagnell, AISTATS 2011.
     """
@@ -38,6 +39,12 @@ class Labelled(Controller):
                 "use it as the driver, or choose another labeller"
             )
         self.driver, self.labeller = driver, labeller
+        if labeller.sensors:
+            raise ControllerError(
+                f"{type(labeller).__name__} has sensors, which a labeller does not receive; use it as the driver, or "
+                "choose another labeller"
+            )
+        self.sensors = driver.sensors
         self.image, self.deterministic = driver.image, driver.deterministic and labeller.deterministic
         # Recorded in files: do not change the text.
         meaning = (
@@ -61,11 +68,11 @@ class Labelled(Controller):
         return {"driver": dict(self.driver.settings()), "labeller": dict(self.labeller.settings())}
 
     def reset(self, scene: Scene) -> None:
-        self.driver.reset(scene)
+        self.driver.reset(known_to(self.driver, scene))
         self.labeller.reset(scene)
 
     def act(self, snapshot: Snapshot) -> Answer:
-        answer = self.driver.act(snapshot)
+        answer = self.driver.act(shown_to(self.driver, snapshot))
         self._label = self._label_of(self.labeller.act(snapshot))
         if isinstance(answer, Twist):
             self.labeller.command_overridden(answer)

@@ -1,17 +1,17 @@
-"""The robot's field of view and lidar, computed from the state of the world."""
+"""Rays and views from the robot: ranges to outlines, and entities that are visible."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
-from ..core.barrier_grid import Solids, column_of, rows_near_line
-from ..core.compiled.kernel import kernel, subroutine
-from ..core.compiled.packing import unpack
-from ..core.compiled.scalar import length
-from ..core.humans import BODY_X, BODY_Y, X, Y
-from ..core.portable_math import Array, BoolArray, IntArray
-from ..core.state import HUMAN_SIZE, ROBOT_SIZE
+from .barrier_grid import Solids, column_of, rows_near_line
+from .compiled.kernel import kernel, subroutine
+from .compiled.packing import unpack
+from .compiled.scalar import length
+from .humans import BODY_X, BODY_Y, X, Y
+from .portable_math import Array, BoolArray, IntArray
+from .state import HUMAN_SIZE, ROBOT_SIZE
 
 
 @kernel
@@ -63,29 +63,51 @@ def visible(
 
 
 @kernel
-def measure_ranges(
-    row: Array, is_present: BoolArray, radius: Array, shoulder: Array, packed_solids: Any, directions: Array,
-    ranges: Array,
-) -> None:  # fmt: skip
-    """Shorten the ranges of rays from the centre of the robot, m, to the nearest outline in their directions.
+def fill_bodies(row: Array, is_present: BoolArray, radius: Array, shoulder: Array, lines: Array) -> int:
+    """The outlines of the pedestrians in the room as thick lines.
 
     Args:
         row: of a `State` with N pedestrians.
         is_present: (N,), pedestrians that are in the room.
         radius, shoulder: (N,), of their bodies, m.
+        lines: (N, 5), output: start, end, radius, m, world frame.
+
+    Returns:
+        Their number.
+    """
+    count = 0
+    for k in range(len(is_present)):
+        if is_present[k]:
+            at = ROBOT_SIZE + HUMAN_SIZE * k
+            sx, sy = -row[at + BODY_Y] * shoulder[k], row[at + BODY_X] * shoulder[k]
+            lines[count, 0], lines[count, 1] = row[at + X] - sx, row[at + Y] - sy
+            lines[count, 2], lines[count, 3], lines[count, 4] = row[at + X] + sx, row[at + Y] + sy, radius[k]
+            count += 1
+    return count
+
+
+@kernel
+def measure_ranges(
+    x: float, y: float, c: float, s: float, packed_solids: Any, lines: Array, directions: Array, ranges: Array
+) -> None:
+    """Shorten the ranges of rays from a place, m, to the nearest outline in their directions.
+
+    Args:
+        x, y: where the rays begin, m, world frame.
+        c, s: cosine and sine of the heading of their frame.
         packed_solids: walls and furniture.
-        directions: (R, 2), unit vectors, in the robot's frame.
+        lines: (L, 5), start, end and radius of further outlines, m, world frame.
+        directions: (R, 2), unit vectors, in the frame of the rays.
         ranges: (R,), m, is updated.
     """
     solids = unpack(packed_solids, Solids)
-    x, y, c, s = row[X], row[Y], row[BODY_X], row[BODY_Y]
     for r in range(len(directions)):
         ahead, left, nearest = directions[r, 0], directions[r, 1], ranges[r]
         ux, uy = ahead * c - left * s, ahead * s + left * c
         nearest = _range_to_solids(solids, x, y, ux, uy, nearest)
-        for k in range(len(is_present)):
-            if is_present[k]:
-                nearest = min(nearest, _range_to_body(row, k, radius[k], shoulder[k], ux, uy))
+        for k in range(len(lines)):
+            ax, ay, bx, by, radius = lines[k, 0] - x, lines[k, 1] - y, lines[k, 2] - x, lines[k, 3] - y, lines[k, 4]
+            nearest = _nearer(ux, uy, ax, ay, bx, by, radius, nearest)
         ranges[r] = nearest
 
 
@@ -95,6 +117,12 @@ def _range_to_solids(solids: Solids, x: float, y: float, ux: float, uy: float, m
     grid, nearest = solids.grid, maximum
     if len(solids.table) == 0:
         return nearest
+    if grid.columns * grid.rows == 1:
+        for n in range(len(solids.table)):
+            wall = solids.table[n]
+            ax, ay, bx, by = wall[0] - x, wall[1] - y, wall[2] - x, wall[3] - y
+            nearest = _nearer(ux, uy, ax, ay, bx, by, wall[4], nearest)
+        return nearest
     column, last, step = column_of(grid, x), column_of(grid, x + ux * maximum), 1 if ux >= 0.0 else -1
     while True:
         # Cells of the columns that the ray passes, up to what it has met so far.
@@ -102,10 +130,22 @@ def _range_to_solids(solids: Solids, x: float, y: float, ux: float, uy: float, m
         for n in range(grid.first[column * grid.rows + low], grid.first[column * grid.rows + high + 1]):
             wall = solids.table[grid.item[n]]
             ax, ay, bx, by = wall[0] - x, wall[1] - y, wall[2] - x, wall[3] - y
-            nearest = min(nearest, _range_to_capsule(ux, uy, ax, ay, bx, by, wall[4]))
+            nearest = _nearer(ux, uy, ax, ay, bx, by, wall[4], nearest)
         if column == last or step * (column_of(grid, x + ux * nearest) - column) <= 0:
             return nearest
         column += step
+
+
+@subroutine
+def _nearer(ux: float, uy: float, ax: float, ay: float, bx: float, by: float, radius: float, nearest: float) -> float:
+    """The smaller one of a range and of the range to a thick line, as of `_range_to_capsule`, m."""
+    # Most outlines lie beside the ray, or behind its start.
+    at_a, at_b = ux * ay - uy * ax, ux * by - uy * bx
+    if (at_a > radius and at_b > radius) or (at_a < -radius and at_b < -radius):
+        return nearest
+    if max(ux * ax + uy * ay, ux * bx + uy * by) < -radius:
+        return nearest
+    return min(nearest, _range_to_capsule(ux, uy, ax, ay, bx, by, radius))
 
 
 @subroutine

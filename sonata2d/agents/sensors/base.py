@@ -1,0 +1,289 @@
+"""Sensors of the robot: what they have in common, and the readings that a controller gets."""
+
+from __future__ import annotations
+
+import math
+import re
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NoReturn
+
+import numpy as np
+
+from ...core.arguments import finite_number
+from ...core.devices import ImageRequest
+from ...core.floats import FloatFields
+from ...core.portable_math import Array
+from ...core.rng import RandomStream
+from ...core.scene import Scene
+from ...core.snapshot import RobotState, Snapshot
+from ...errors import ControllerError
+from ...registry import did_you_mean
+
+_UNIFORMS = 12  # whose sum has the variance 1
+
+
+class SensorNoise:
+    """Random numbers of one sensor at one tick: they do not depend on other ticks or sensors.
+
+    Args:
+        stream: of uniform random numbers.
+    """
+
+    def __init__(self, stream: RandomStream) -> None:
+        self._stream = stream
+
+    def uniforms(self, count: int) -> Array:
+        """(count,), in [0, 1)."""
+        return self._stream.uniforms(count)
+
+    def normals(self, count: int) -> Array:
+        """(count,), with mean 0 and standard deviation 1, at most 6 in size.
+
+        Sums of twelve uniform numbers: they have the same bits on every processor.
+        """
+        sums: Array = np.add.reduce(self._stream.uniforms(_UNIFORMS * count).reshape(_UNIFORMS, count), axis=0)
+        return sums - 6.0
+
+    def poisson(self, mean: float) -> int:
+        """A count from the Poisson distribution."""
+        return self._stream.poisson(mean)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Base class of the measurements of sensors.
+
+    Attributes:
+        tick: at which it was measured; earlier than the tick of the snapshot by latency and rate of the sensor.
+    """
+
+    tick: int
+
+
+Renderer = Callable[[Snapshot, ImageRequest], Any]  # returns (H, W, 3) of uint8
+Measure = Callable[[Snapshot, SensorNoise], Any]
+
+
+@dataclass(frozen=True)
+class Sensor(FloatFields, ABC):
+    """Base class of sensors. Subclasses are frozen dataclasses whose fields are settings; they define `start`.
+
+    A sensor sees the world, not an observation: all walls, furniture and people.
+
+    Attributes:
+        name: of the reading in `snapshot.sensors`; by default that of the class, such as `lidar` or `people_detector`.
+        rate: measurements per second; None: one in each tick.
+        latency: time from a measurement until the controller gets it, s; rounded to ticks.
+    """
+
+    name: str = ""
+    rate: float | None = None
+    latency: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.name:
+            object.__setattr__(self, "name", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", type(self).__name__).lower())
+        if not self.name.isidentifier():
+            raise ValueError(f"the name of a sensor is an attribute of snapshot.sensors, got {self.name!r}")
+        if self.rate is not None and not self.rate > 0.0:
+            raise ValueError(f"rate must be positive, got {self.rate}")
+        finite_number("latency", self.latency, 0.0)
+
+    @abstractmethod
+    def start(self, scene: Scene) -> Measure:
+        """Begin an episode.
+
+        Returns:
+            A function of the snapshot and of the noise of its tick, which returns a `Reading`. It is called whenever a
+            measurement is due; of a sensor with `sees_all_ticks`, in every tick.
+        """
+
+    @property
+    def request(self) -> ImageRequest | None:
+        """The picture that a camera takes; None for other sensors."""
+        return None
+
+    @property
+    def sees_all_ticks(self) -> bool:
+        """Whether the sensor must follow the robot in every tick, as odometry does."""
+        return False
+
+
+class Readings(Mapping[str, Any]):
+    """The readings of a controller's sensors, as attributes: `snapshot.sensors.lidar`.
+
+    A reading is None until the first one has arrived.
+    """
+
+    def __init__(self, readings: dict[str, Any]) -> None:
+        self._readings = readings
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        try:
+            return self._readings[name]
+        except KeyError:
+            hint = did_you_mean(name, self._readings) or f"; it has {', '.join(self._readings) or 'none'}"
+            raise AttributeError(f"the controller has no sensor named {name!r}{hint}") from None
+
+    def __getitem__(self, name: str) -> Any:
+        return self._readings[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._readings)
+
+    def __len__(self) -> int:
+        return len(self._readings)
+
+    def __repr__(self) -> str:
+        return f"Readings({', '.join(self._readings)})"
+
+
+class SensorSuite:
+    """The sensors of a controller in an episode.
+
+    Args:
+        sensors: with different names.
+        scene: of the episode.
+        renderer: takes the pictures of cameras.
+
+    Raises:
+        ControllerError: an object is no sensor, two have the same name, or a camera has no renderer.
+    """
+
+    def __init__(self, sensors: Sequence[Sensor], scene: Scene, renderer: Renderer | None = None) -> None:
+        self._sensors, self._scene, self._tick = tuple(sensors), scene, -1
+        names: set[str] = set()
+        for sensor in self._sensors:
+            if not isinstance(sensor, Sensor):
+                raise ControllerError(f"sensors of a controller are objects such as Lidar(), got {sensor!r:.80}")
+            if sensor.name in names:
+                raise ControllerError(f"two sensors are named {sensor.name!r}; set name= of one of them")
+            names.add(sensor.name)
+        dt = scene.rules.dt
+        self._every = [1 if s.rate is None else max(int(1.0 / (s.rate * dt) + 0.5), 1) for s in self._sensors]
+        self._late = [int(sensor.latency / dt + 0.5) for sensor in self._sensors]
+        self._measure = [
+            picture_taker(renderer, sensor.request) if renderer and sensor.request else sensor.start(scene)
+            for sensor in self._sensors
+        ]
+        self._waiting: list[deque[Any]] = [deque() for _ in self._sensors]
+        self._newest: dict[str, Any] = {sensor.name: None for sensor in self._sensors}
+
+    def __len__(self) -> int:
+        return len(self._sensors)
+
+    def observe(self, snapshot: Snapshot) -> Readings:
+        """Measure what is due at the tick of a snapshot, once; the readings that have arrived by then."""
+        if snapshot.tick > self._tick:
+            self._tick = snapshot.tick
+            for k, sensor in enumerate(self._sensors):
+                is_due = snapshot.tick % self._every[k] == 0
+                if is_due or sensor.sees_all_ticks:
+                    name = f"{sensor.name}/{snapshot.tick}"
+                    noise = SensorNoise(RandomStream(self._scene.seed, self._scene.episode, "sensors", name))
+                    reading = self._measure[k](snapshot, noise)
+                    if is_due:
+                        self._waiting[k].append((snapshot.tick + self._late[k], reading))
+                while self._waiting[k] and self._waiting[k][0][0] <= snapshot.tick:
+                    self._newest[sensor.name] = self._waiting[k].popleft()[1]
+        return Readings(dict(self._newest))
+
+
+@dataclass(frozen=True)
+class CameraReading(Reading):
+    """A picture.
+
+    Attributes:
+        image: (H, W, 3) of uint8.
+    """
+
+    image: Any
+
+
+def picture_taker(renderer: Renderer, request: ImageRequest) -> Measure:
+    """The measurement of a camera."""
+    return lambda snapshot, noise: CameraReading(snapshot.tick, renderer(snapshot, request))
+
+
+def angles_of(count: int, angle: float) -> Array:
+    """Angles of rays over a field of view, (count,), rad: from right to left; over a whole turn without a double."""
+    if count == 1:
+        return np.zeros(1)
+    is_turn = angle >= 2.0 * math.pi - 1e-9
+    step = angle / count if is_turn else angle / (count - 1)
+    angles: Array = np.arange(count, dtype=float) * step - angle / 2
+    return angles
+
+
+class PartialRobot:
+    """The robot as it knows itself: its body, and the twist that its drive executed.
+
+    Attributes:
+        body: outline, drive and limits.
+        executed: body-frame twist that the drive executed in the last tick, after the safety guard.
+    """
+
+    def __init__(self, robot: RobotState) -> None:
+        self.body, self.executed = robot.body, robot.executed
+
+    def __getattr__(self, name: str) -> NoReturn:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        raise ControllerError(f"robot.{name} is hidden from a controller with partial = True; read snapshot.sensors")
+
+
+_SHOWN = frozenset({"tick", "time", "dt", "goal", "robot", "sensors", "events", "image"})
+
+
+class PartialSnapshot:
+    """Snapshot for a controller with `partial = True`.
+
+    It has `sensors`, `goal`, `robot.body`, `robot.executed`, `tick`, `time`, `dt`, `events` and `image`. Reading
+    anything else raises a ControllerError.
+
+    Args:
+        snapshot: with the readings of the sensors.
+    """
+
+    def __init__(self, snapshot: Snapshot) -> None:
+        self._values: dict[str, Any] = {name: getattr(snapshot, name) for name in _SHOWN - {"robot"}}
+        self._values["robot"] = PartialRobot(snapshot.robot)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        if name in _SHOWN:
+            return self._values[name]
+        if not hasattr(Snapshot, name) and name not in Snapshot.__dataclass_fields__:
+            raise AttributeError(f"a snapshot has no attribute {name!r}")
+        raise ControllerError(f"snapshot.{name} is hidden from a controller with partial = True; read snapshot.sensors")
+
+    def __repr__(self) -> str:
+        return f"<PartialSnapshot: tick {self.tick}, {self.time:g} s, sensors {', '.join(self.sensors) or 'none'}>"
+
+
+def shown_to(controller: Any, snapshot: Snapshot) -> Any:
+    """The snapshot as a controller gets it in `act`."""
+    return PartialSnapshot(snapshot) if controller.partial else snapshot
+
+
+def known_to(controller: Any, scene: Scene) -> Scene:
+    """The scene as a controller gets it in `reset`."""
+    return known_scene(scene) if controller.partial else scene
+
+
+def known_scene(scene: Scene) -> Scene:
+    """The part of a scene that a controller with `partial = True` gets in `reset`: robot, goal and rules.
+
+    Room, walls, furniture, people and settings are left out.
+    """
+    return replace(
+        scene, polygon=(), walls=(), furniture=(), humans=(), groups=(), interactions=(), doors=(), queues=(),
+        places=(), settings=None, dropped=(),
+    )  # fmt: skip

@@ -1,0 +1,227 @@
+"""Sensors that estimate: odometry, and a detector of people."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...core.arguments import finite_number, positive_number
+from ...core.barrier_grid import packed_solids
+from ...core.geometry import Pose, Twist
+from ...core.humans import Humans
+from ...core.portable_math import Array, IntArray, unit_vector, unit_vectors
+from ...core.rays import measure_ranges
+from ...core.scene import Scene
+from ...core.snapshot import Snapshot
+from .base import Measure, Reading, Sensor, SensorNoise
+
+
+@dataclass(frozen=True)
+class OdometryReading(Reading):
+    """The robot's estimate of its own pose.
+
+    Attributes:
+        pose: in the world frame, in which the start is known.
+        twist: velocity in the body frame, m/s and rad/s.
+    """
+
+    pose: Pose
+    twist: Twist
+
+
+@dataclass(frozen=True)
+class Odometry(Sensor):
+    """Wheel odometry: the pose at the start, and from there on the sum of measured motions, which drifts.
+
+    Attributes:
+        translation: standard deviation of the measured distance, m after 1 m; it grows with the root of the distance.
+        rotation: standard deviation of the measured turn, rad after 1 rad.
+        skid: rad per m, standard deviation of the turn that a distance adds.
+        scale: standard deviation of a factor of all distances that is drawn for each episode.
+    """
+
+    translation: float = 0.02
+    rotation: float = 0.02
+    skid: float = 0.01
+    scale: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("translation", "rotation", "skid", "scale"):
+            finite_number(name, getattr(self, name), 0.0)
+
+    @property
+    def sees_all_ticks(self) -> bool:
+        return True
+
+    def start(self, scene: Scene) -> Measure:
+        at, before, factor = scene.robot.pose, scene.robot.pose, 1.0
+
+        def measure(snapshot: Snapshot, noise: SensorNoise) -> OdometryReading:
+            nonlocal at, before, factor
+            true, errors = snapshot.robot.pose, noise.normals(5)
+            if snapshot.tick == 0:
+                factor = 1.0 + self.scale * float(errors[4])
+            ahead, left = before.to_local(true.position)
+            turn = math.remainder(true.theta - before.theta, math.tau)
+            distance = math.sqrt(ahead * ahead + left * left)
+            spread = self.translation * math.sqrt(distance)
+            ahead, left = factor * ahead + spread * float(errors[0]), factor * left + spread * float(errors[1])
+            turn += self.rotation * math.sqrt(abs(turn)) * float(errors[2])
+            turn += self.skid * math.sqrt(distance) * float(errors[3])
+            if snapshot.tick > 0:
+                at = Pose(*at.to_world((ahead, left)), math.remainder(at.theta + turn, math.tau))
+            before = true
+            dt = snapshot.dt
+            twist = Twist(ahead / dt, left / dt, turn / dt) if snapshot.tick else Twist()
+            return OdometryReading(snapshot.tick, at, twist)
+
+        return measure
+
+
+@dataclass(frozen=True)
+class PeopleReading(Reading):
+    """People that a detector reports, in no order, without identities.
+
+    Attributes:
+        position: (K, 2), m, in the frame of the robot at `tick`.
+        velocity: (K, 2), m/s, relative to the world, in the axes of the robot at `tick`.
+    """
+
+    position: Array
+    velocity: Array
+
+
+@dataclass(frozen=True)
+class PeopleDetector(Sensor):
+    """A detector of people, such as a network on camera images: it misses some, and reports some who are not there.
+
+    Attributes:
+        angle, distance: of the field of view, rad and m.
+        occlusion: whether walls and furniture hide people, and people hide each other.
+        misses: probability that a person in view is not reported, in each measurement.
+        false_alarms: mean number of reports of nobody, in each measurement; anywhere in the field of view.
+        noise, velocity_noise: standard deviations of positions (m) and velocities (m/s), in x and y.
+    """
+
+    angle: float = 2.0 * math.pi / 3.0
+    distance: float = 8.0
+    occlusion: bool = True
+    misses: float = 0.05
+    false_alarms: float = 0.02
+    noise: float = 0.05
+    velocity_noise: float = 0.1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("angle", "distance"):
+            positive_number(name, getattr(self, name))
+        for name in ("misses", "false_alarms", "noise", "velocity_noise"):
+            finite_number(name, getattr(self, name), 0.0)
+        if self.misses > 1.0:
+            raise ValueError(f"misses is a probability, got {self.misses}")
+
+    def start(self, scene: Scene) -> Measure:
+        solids = packed_solids(scene.barriers)
+
+        def measure(snapshot: Snapshot, noise: SensorNoise) -> PeopleReading:
+            humans, robot = snapshot.humans, snapshot.robot
+            rows = visible_rows(snapshot, solids.argument, self.angle, self.distance, self.occlusion)
+            rows = rows[noise.uniforms(len(rows)) >= self.misses]
+            c, s = robot.direction
+            turn = np.array([[c, -s], [s, c]])
+            offset = humans.position[rows] - np.array(robot.position)
+            position = _turned(offset, turn) + self.noise * noise.normals(2 * len(rows)).reshape(-1, 2)
+            velocity = _turned(humans.velocity[rows], turn)
+            velocity = velocity + self.velocity_noise * noise.normals(2 * len(rows)).reshape(-1, 2)
+            count = noise.poisson(self.false_alarms)
+            angle = self.angle * (noise.uniforms(count) - 0.5)
+            nowhere = unit_vectors(angle) * (self.distance * np.sqrt(noise.uniforms(count)))[:, None]
+            moving = self.velocity_noise * noise.normals(2 * count).reshape(-1, 2)
+            return PeopleReading(snapshot.tick, np.concatenate((position, nowhere)), np.concatenate((velocity, moving)))
+
+        return measure
+
+
+def _turned(vectors: Array, turn: Array) -> Array:
+    """(K, 2), vectors in the axes of the columns of a rotation matrix."""
+    turned: Array = vectors[:, :1] * turn[0] + vectors[:, 1:] * turn[1]
+    return turned
+
+
+def visible_rows(snapshot: Snapshot, packed_solids: object, angle: float, distance: float, occlusion: bool) -> IntArray:
+    """Rows of `snapshot.humans` of the people whose centre the robot sees, (K,) of int.
+
+    Args:
+        snapshot: the state.
+        packed_solids: walls and furniture.
+        angle, distance: of the field of view, rad and m.
+        occlusion: whether walls, furniture and other people hide a person.
+    """
+    humans, robot = snapshot.humans, snapshot.robot
+    offset = humans.position - np.array(robot.position)
+    away = np.sqrt(offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1])
+    ahead = offset[:, 0] * robot.direction[0] + offset[:, 1] * robot.direction[1]
+    in_view = (away <= distance) & ((ahead >= unit_vector(angle / 2.0)[0] * away) | (angle >= 2.0 * math.pi - 1e-9))
+    rows = np.flatnonzero(in_view)
+    if not occlusion:
+        return rows
+    is_seen, lines = [], body_lines(humans)
+    for row in rows.tolist():
+        ranges, ray = np.array([away[row] - 1e-6]), offset[row : row + 1] / max(float(away[row]), 1e-9)
+        others = np.delete(lines, row, axis=0)
+        (x, y), ray = robot.position, np.ascontiguousarray(ray)
+        measure_ranges(float(x), float(y), 1.0, 0.0, packed_solids, others, ray, ranges)
+        is_seen.append(bool(ranges[0] >= away[row] - 1e-6))
+    return rows[is_seen]
+
+
+def body_lines(humans: Humans) -> Array:
+    """Outlines of people as thick lines, (N, 5): start, end, radius, m."""
+    left = np.stack((-humans.direction[:, 1], humans.direction[:, 0]), axis=1) * humans.shoulder[:, None]
+    return np.concatenate((humans.position + left, humans.position - left, humans.radius[:, None]), axis=1)
+
+
+@dataclass(frozen=True)
+class ViewReading(Reading):
+    """Entities in view.
+
+    Attributes:
+        humans: the people in view, as `snapshot.humans`: exact, in the world frame.
+    """
+
+    humans: Humans
+
+
+@dataclass(frozen=True)
+class FieldOfView(Sensor):
+    """People in a field of view, measured without errors.
+
+    Attributes:
+        angle, distance: of the field of view, rad and m.
+        occlusion: whether walls and furniture hide people, and people hide each other.
+    """
+
+    angle: float = 2.0 * math.pi / 3.0
+    distance: float = 10.0
+    occlusion: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        positive_number("angle", self.angle)
+        positive_number("distance", self.distance)
+
+    def start(self, scene: Scene) -> Measure:
+        solids = packed_solids(scene.barriers)
+
+        def measure(snapshot: Snapshot, noise: SensorNoise) -> ViewReading:
+            rows = visible_rows(snapshot, solids.argument, self.angle, self.distance, self.occlusion)
+            humans = snapshot.humans
+            seen = humans.select(rows)
+            if humans.row is not None and seen is not humans:
+                seen = replace(seen, row=humans.row[rows])
+            return ViewReading(snapshot.tick, seen)
+
+        return measure

@@ -1,0 +1,202 @@
+"""A laser scanner, and an occupancy grid of its ranges."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...core.arguments import finite_number, positive_number, whole_number
+from ...core.barrier_grid import packed_solids
+from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
+from ...core.portable_math import PI, Array, exp, unit_vector, unit_vectors
+from ...core.rays import fill_bodies, measure_ranges
+from ...core.scene import Scene
+from ...core.snapshot import Snapshot
+from ...core.state import State
+from ...core.vectors import lengths
+from .base import Measure, Reading, Sensor, SensorNoise, angles_of
+
+_MOST_RAYS = 100_000
+_LEG, _STANCE = 0.06, 0.1  # m, radius of a leg, and half the distance between the legs
+_STRIDE, _CADENCE = 0.2, 1.8  # m at 1 m/s, half the distance between the feet; steps per s
+
+
+@dataclass(frozen=True)
+class LidarReading(Reading):
+    """Ranges of a scan.
+
+    Attributes:
+        ranges: (R,), m, from the mount; infinite where a ray meets nothing, NaN where it was lost.
+        angles: (R,), rad, in the frame of the robot, counter-clockwise from straight ahead.
+        range_min, range_max: shortest and longest range, m.
+        mount: position of the scanner in the frame of the robot, m.
+    """
+
+    ranges: Array
+    angles: Array
+    range_min: float
+    range_max: float
+    mount: tuple[float, float]
+
+    @property
+    def points(self) -> Array:
+        """(P, 2), where rays have met something, in the frame of the robot, m."""
+        is_hit = np.isfinite(self.ranges)
+        points: Array = unit_vectors(self.angles[is_hit]) * self.ranges[is_hit, None] + np.array(self.mount)
+        return points
+
+
+@dataclass(frozen=True)
+class Lidar(Sensor):
+    """A laser scanner in the plane: distances along rays to walls, furniture on the floor, and people.
+
+    Attributes:
+        rays: their number.
+        angle: of the field of view, rad, its middle at `heading`; 2 pi: all around.
+        distance: longest range, m.
+        nearest: shortest range, m; nearer outlines are measured at this range.
+        mount: position of the scanner in the frame of the robot, m.
+        heading: of the middle ray in the frame of the robot, rad.
+        noise: standard deviation of ranges, m.
+        dropout: probability that a ray is lost.
+        sees: of people, their bodies at the height of the shoulders, or two legs, which swing as they walk.
+
+    >>> Lidar(rays=360, distance=8.0, noise=0.01).name
+    'lidar'
+    """
+
+    rays: int = 360
+    angle: float = 2.0 * math.pi
+    distance: float = 10.0
+    nearest: float = 0.05
+    mount: tuple[float, float] = (0.0, 0.0)
+    heading: float = 0.0
+    noise: float = 0.0
+    dropout: float = 0.0
+    sees: Literal["bodies", "legs"] = "bodies"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        whole_number("rays", self.rays, 1, _MOST_RAYS)
+        for name in ("angle", "distance"):
+            positive_number(name, getattr(self, name))
+        for name in ("nearest", "noise", "dropout"):
+            finite_number(name, getattr(self, name), 0.0)
+        if self.angle > 2.0 * math.pi + 1e-9:
+            raise ValueError(f"angle must be at most 2 pi, got {self.angle}")
+        if self.dropout > 1.0:
+            raise ValueError(f"dropout is a probability, got {self.dropout}")
+        if self.sees not in ("bodies", "legs"):
+            raise ValueError(f"sees must be bodies or legs, got {self.sees!r}")
+
+    def start(self, scene: Scene) -> Measure:
+        angles = angles_of(self.rays, self.angle) + self.heading
+        directions, solids = np.ascontiguousarray(unit_vectors(angles)), packed_solids(scene.barriers)
+        lines = np.empty((2 * len(scene.humans), 5))
+
+        def measure(snapshot: Snapshot, noise: SensorNoise) -> LidarReading:
+            row, ranges = snapshot.state.row, np.full(self.rays, self.distance)
+            x, y, c, s = (float(row[column]) for column in (X, Y, BODY_X, BODY_Y))
+            x, y = x + self.mount[0] * c - self.mount[1] * s, y + self.mount[0] * s + self.mount[1] * c
+            count = self._fill(scene, snapshot, lines)
+            measure_ranges(x, y, c, s, solids.argument, lines[:count], directions, ranges)
+            is_hit = ranges < self.distance
+            if self.noise > 0.0:
+                ranges = ranges + self.noise * noise.normals(self.rays)
+            ranges = np.where(is_hit, np.maximum(ranges, self.nearest), np.inf)
+            if self.dropout > 0.0:
+                ranges[noise.uniforms(self.rays) < self.dropout] = np.nan
+            ranges.flags.writeable = False
+            return LidarReading(snapshot.tick, ranges, angles, self.nearest, self.distance, self.mount)
+
+        return measure
+
+    def _fill(self, scene: Scene, snapshot: Snapshot, lines: Array) -> int:
+        """Fill the outlines that people show, (2 N, 5); their number."""
+        state, table = snapshot.state, scene.human_table
+        if self.sees == "legs":
+            return _fill_legs(state, snapshot.time, lines)
+        is_present = np.ones(len(table.id), dtype=bool) if state.is_present is None else state.is_present
+        return int(fill_bodies(state.row, is_present, table.radius, table.shoulder, lines))
+
+
+def _fill_legs(state: State, time: float, lines: Array) -> int:
+    """Fill the legs of the people in the room, (2 N, 5); their number."""
+    humans, count = state.humans, 0
+    for k in range(len(humans)):
+        if state.is_present is not None and not state.is_present[k]:
+            continue
+        row = humans[k]
+        speed = math.sqrt(row[VX] * row[VX] + row[VY] * row[VY])
+        _, swing = unit_vector(PI * _CADENCE * time + k)
+        for side in (-1.0, 1.0):
+            ahead, left = side * swing * _STRIDE * speed, side * _STANCE
+            x, y = row[X] + ahead * row[BODY_X] - left * row[BODY_Y], row[Y] + ahead * row[BODY_Y] + left * row[BODY_X]
+            lines[count] = x, y, x, y, _LEG
+            count += 1
+    return count
+
+
+@dataclass(frozen=True)
+class Costmap:
+    """An occupancy grid around the robot, in its frame.
+
+    Attributes:
+        cost: (N, N) of uint8; 0 free, 254 occupied, 253 nearer to something than the robot's inner radius, and in
+            between a cost that falls with the distance, as in costmap_2d of ROS. The first index is x, ahead; the
+            second y, left.
+        resolution: side of a cell, m.
+    """
+
+    cost: NDArray[np.uint8]
+    resolution: float
+
+    @property
+    def origin(self) -> float:
+        """x and y of the outer corner of the cell (0, 0), m."""
+        return -0.5 * self.resolution * len(self.cost)
+
+    def at(self, points: ArrayLike) -> NDArray[np.uint8]:
+        """Cost at points in the frame of the robot, (P, 2), m; 0 outside of the grid."""
+        cells = np.floor((np.asarray(points, dtype=float) - self.origin) / self.resolution).astype(int)
+        is_inside = ((cells >= 0) & (cells < len(self.cost))).all(axis=1)
+        cost = np.zeros(len(cells), dtype=np.uint8)
+        cost[is_inside] = self.cost[tuple(cells[is_inside].T)]
+        return cost
+
+
+def costmap(
+    reading: LidarReading, size: float = 6.0, resolution: float = 0.05, radius: float = 0.3, inflation: float = 0.6,
+    decay: float = 5.0,
+) -> Costmap:  # fmt: skip
+    """An occupancy grid with inflation from a scan.
+
+    Args:
+        reading: the scan.
+        size, resolution: sides of the grid and of a cell, m.
+        radius: inner radius of the robot, m; nearer cells cost 253.
+        inflation: distance from obstacles beyond which cells cost nothing, m.
+        decay: 1/m, of the cost between `radius` and `inflation`: 252 exp(-decay (distance - radius)).
+    """
+    resolution = positive_number("resolution", resolution)
+    count = max(round(positive_number("size", size) / resolution), 1)
+    points = reading.points
+    cells = np.floor(points / resolution + 0.5 * count).astype(int)
+    cells = np.unique(cells[((cells >= 0) & (cells < count)).all(axis=1)], axis=0)
+    cost, reach = np.zeros((count, count), dtype=np.uint8), math.ceil(inflation / resolution)
+    offsets = np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1).T
+    distance = resolution * lengths(offsets.astype(float))
+    prices = np.where(distance <= radius, 253.0, 252.0 * exp(-decay * np.maximum(distance - radius, 0.0)))
+    is_near = distance <= inflation
+    for offset, price in zip(offsets[is_near], prices[is_near], strict=True):
+        if price >= 1.0 and len(cells):
+            at = cells + offset
+            at = at[((at >= 0) & (at < count)).all(axis=1)]
+            cost[tuple(at.T)] = np.maximum(cost[tuple(at.T)], np.uint8(price))
+    if len(cells):
+        cost[tuple(cells.T)] = 254
+    return Costmap(cost, resolution)
