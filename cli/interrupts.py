@@ -32,8 +32,8 @@ def raising_interruptions() -> Iterator[None]:
     """Raise `Terminated` on SIGTERM, so that work in progress ends in an orderly way, as on Ctrl-C.
 
     Both wait for the end of an import, because some extension modules crash if an exception is raised while they are
-    loaded, and until pymunk has freed a world, where cffi would print the exception and go on. An error that follows a
-    signal is raised as that interruption, because libraries turn interruptions into other errors.
+    loaded, and until a world was freed, where cffi or Python would print the exception and go on. An error that follows
+    a signal is raised as that interruption, because libraries turn interruptions into other errors.
     """
     deadline = math.inf
 
@@ -68,12 +68,15 @@ def raising_interruptions() -> Iterator[None]:
 
 
 def _is_delicate(frame: FrameType | None) -> bool:
-    """Whether a module is being loaded, or pymunk is freeing memory."""
+    """Whether a module is being loaded, or pymunk or a destructor of sonata2d is freeing memory."""
     while frame is not None:
         code = frame.f_code
         if code.co_filename == "<frozen importlib._bootstrap>":
             return True
-        if "free" in code.co_name and Path(code.co_filename).parent.name == "pymunk":
+        path = Path(code.co_filename)
+        if "free" in code.co_name and path.parent.name == "pymunk":
+            return True
+        if code.co_name == "__del__" and "sonata2d" in path.parts:
             return True
         frame = frame.f_back
     return False

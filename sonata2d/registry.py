@@ -183,6 +183,8 @@ CONTROLLERS = Registry(
         "social-force": f"{_CONTROLLERS}.reactive:SocialForce",
         "social-planner": f"{_CONTROLLERS}.planner:SocialPlanner",
         "orca": f"{_CONTROLLERS}.reactive:Orca",
+        "dwa": f"{_CONTROLLERS}.local_planner:Dwa",
+        "mppi": f"{_CONTROLLERS}.local_planner:Mppi",
         "human-like": f"{_CONTROLLERS}.human_like:HumanLike",
         "teleoperation": f"{_CONTROLLERS}.teleoperation:Teleoperation",
         "graph-policy": "sonata2d.learning.policy:GraphPolicy",

@@ -270,6 +270,7 @@ CASES: dict[str, Callable[[Number], Any]] = {
     "sonata2d.gym.Distance": lambda n: reward(s2g.Distance, n),
     "sonata2d.gym.Dsrnn": lambda n: reward(s2g.Dsrnn, n),
     "sonata2d.gym.SocNavGym": lambda n: reward(s2g.SocNavGym, n),
+    "sonata2d.agents.Mppi": lambda n: s2a.Mppi(64, n(1)).settings(),
     "sonata2d.agents.Drive": lambda n: Differential(n(1), n(2), n(3)),
     "sonata2d.agents.Camera": lambda n: s2a.Camera(rate=n(2), latency=n(1), view_range=n(3)),
     "sonata2d.agents.FieldOfView": lambda n: s2a.FieldOfView("view", n(2), n(1), n(2), n(5)),

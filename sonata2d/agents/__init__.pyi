@@ -2,6 +2,7 @@ from .controllers.base import Answer as Answer, Controller as Controller, Regene
 from .controllers.compiled import KernelController as KernelController
 from .controllers.human_like import HumanLike as HumanLike
 from .controllers.labelled import Labelled as Labelled
+from .controllers.local_planner import Dwa as Dwa, Mppi as Mppi
 from .controllers.planner import SocialPlanner as SocialPlanner
 from .controllers.reactive import Orca as Orca, SocialForce as SocialForce, StraightToGoal as StraightToGoal
 from .controllers.teleoperation import (

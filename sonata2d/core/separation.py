@@ -159,31 +159,46 @@ def outline_gaps(shape: Shape, position: Array, direction: Array, lines: Array) 
     return gaps
 
 
-_EXCESS = 0.02  # m, by which covering discs may reach beyond an outline
-_MOST_DISCS = 8
+_EXCESS = 0.07  # m, by which covering discs may reach beyond an outline
+_MOST_DISCS = 16
 
 
 def covering_discs(shape: Shape) -> tuple[Array, float]:
     """Discs of one radius that cover an outline: centres in the body frame, (D, 2), m, and the radius, m.
 
-    The outline is cut across its longer side, and each disc covers one part. They reach beyond the sides by 2 cm at
-    most, unless the outline is so long that 8 of them reach farther.
+    The outline is cut into strips across its longer side, and these into parts, with a disc around each. The discs
+    reach beyond the sides by 7 cm at most, unless more than 16 of them would be needed.
     """
     core = np.array(shape.core, dtype=float)
     if len(core) == 1:
         return np.zeros((1, 2)), float(shape.rounding)
     axis = X if shape.sides[0] >= shape.sides[1] else Y
-    low, high = core[:, axis].min(), core[:, axis].max()
+    low, high = float(core[:, axis].min()), float(core[:, axis].max())
+    best: tuple[float, int, Array, float] | None = None
     for count in range(1, _MOST_DISCS + 1):
-        cuts = np.linspace(low, high, count + 1)
-        spans = [_span_between(core, axis, *ends) for ends in pairwise(cuts.tolist())]
-        centres, halves = np.array([(a + b) / 2 for a, b in spans]), np.array([(b - a) / 2 for a, b in spans])
-        radius = float(length((high - low) / (2 * count), halves.max()))
-        if radius <= halves.max() + _EXCESS:
-            break
-    discs = np.empty((count, 2))
-    discs[:, axis], discs[:, 1 - axis] = (cuts[:-1] + cuts[1:]) / 2, centres
-    return discs, float(radius + shape.rounding)
+        for rows in range(1, _MOST_DISCS // count + 1):
+            discs, radius, excess = _grid_of_discs(core, axis, low, high, count, rows)
+            rank = max(excess, _EXCESS), count * rows
+            if best is None or rank < best[:2]:
+                best = (*rank, discs, radius)
+    assert best is not None
+    return best[2], best[3] + shape.rounding
+
+
+def _grid_of_discs(
+    core: Array, axis: int, low: float, high: float, count: int, rows: int
+) -> tuple[Array, float, float]:
+    """Discs around the parts of strips of a polygon: centres, radius, and how far they reach beyond it, m."""
+    cuts, half = np.linspace(low, high, count + 1), (high - low) / (2 * count)
+    spans = [_span_between(core, axis, *ends) for ends in pairwise(cuts.tolist())]
+    widest = max(b - a for a, b in spans) / (2 * rows)
+    radius = float(length(half, widest))
+    discs = np.empty((count * rows, 2))
+    for k, (a, b) in enumerate(spans):
+        part = (b - a) / rows
+        discs[k * rows : (k + 1) * rows, axis] = (cuts[k] + cuts[k + 1]) / 2
+        discs[k * rows : (k + 1) * rows, 1 - axis] = a + part * (np.arange(rows) + 0.5)
+    return discs, radius, radius - min(half, widest)
 
 
 def _span_between(core: Array, axis: int, low: float, high: float) -> tuple[float, float]:

@@ -86,5 +86,8 @@ def test_covering_discs_contain_the_outline_and_keep_close_to_it(shape: Shape) -
     inside = np.concatenate((points_of(corners), weights @ corners))
     distance = np.linalg.norm(inside[:, None] - discs[None], axis=2).min(axis=1)
     assert distance.max() <= radius + 1e-9
-    if isinstance(shape, Rectangle):
-        assert radius <= min(shape.sides) / 2 + 0.03
+    angle = np.linspace(0.0, 2.0 * math.pi, 100)
+    rims = (discs[:, None] + radius * np.stack((np.cos(angle), np.sin(angle)), axis=1)).reshape(-1, 2)
+    lines = np.concatenate((rims, rims, np.zeros((len(rims), 1))), axis=1)[None]
+    beyond = outline_gaps(shape, np.zeros((1, 2)), np.array([[1.0, 0.0]]), lines)
+    assert beyond.max() < (0.071 if isinstance(shape, Rectangle) else 0.25)

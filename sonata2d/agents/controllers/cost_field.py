@@ -94,7 +94,7 @@ def _fill_field(
             fits = inside[j] and to_wall >= -0.01 and to_person >= 0.02
             layers[PRICE, i, j] = min(price, _BLOCKED) if fits else _BLOCKED
     goal_i, goal_j = int((goal_x - low[X]) / CELL + 0.5), int((goal_y - low[Y]) / CELL + 0.5)
-    _solve(layers[PRICE], layers[VALUE], goal_i, goal_j)
+    solve(layers[PRICE], layers[VALUE], goal_i, goal_j)
 
 
 @subroutine
@@ -142,7 +142,7 @@ def _inside_outline(outline: Array, x: float, low: float, inside: BoolArray) -> 
 
 
 @subroutine
-def _solve(price: Array, value: Array, goal_i: int, goal_j: int) -> None:
+def solve(price: Array, value: Array, goal_i: int, goal_j: int) -> None:
     """Solve the eikonal equation by Jacobi sweeps.
 
     A sweep visits only cells next to one that changed in the last sweep; the others would not change.

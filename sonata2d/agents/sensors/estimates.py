@@ -42,9 +42,9 @@ class Odometry(Sensor):
         scale: standard deviation of a factor of all distances that is drawn for each episode.
     """
 
-    translation: float = 0.02
-    rotation: float = 0.02
-    skid: float = 0.01
+    translation: float = 0.01
+    rotation: float = 0.01
+    skid: float = 0.005
     scale: float = 0.0
 
     def __post_init__(self) -> None:

@@ -1,0 +1,107 @@
+"""`dwa` and `mppi`: planners that see by laser scanner and odometry alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import orjson
+import pytest
+
+import sonata2d as s2
+from sonata2d.agents import Dwa, Lidar, Mppi, Odometry
+from sonata2d.agents.controllers.local_map import CELL, add_scan, find_way, local_map
+from sonata2d.core.entities import Furniture, Robot
+from sonata2d.core.geometry import Pose, Rectangle
+from sonata2d.core.scene import Scene
+
+from ..conftest import L_SHAPE, room
+
+KINDS: list[Any] = [Dwa, Mppi]
+CART = Rectangle(0.9, 0.6)
+
+
+def driven(scene: Scene, controller: s2.Controller) -> tuple[str, bool]:
+    """The outcome of an episode, and whether the robot touched anything by its own fault."""
+    episode, at_fault = s2.Episode(scene, controller), False
+    while episode.step() is not None:
+        at_fault |= any(contact.robot_at_fault for contact in episode.snapshot().contacts)
+    assert episode.outcome is not None
+    return episode.outcome.status, at_fault
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kinematics", ["holonomic", "unicycle", "differential", "omni", "bicycle"])
+def test_planners_drive_every_drive_round_the_corner_of_an_l_shape(kind: Any, kinematics: str) -> None:
+    table = Furniture(9, "table", Pose(-2.0, 0.2), Rectangle(1.0, 1.0))
+    scene = room([], [table], polygon=L_SHAPE, robot=Pose(-2.0, 3.0, -1.5), goal=(3.0, -2.0))
+    scene = replace(scene, robot=Robot(scene.robot.pose, kinematics=kinematics))
+    assert driven(scene, kind()) == ("goal", False)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(3))
+def test_planners_reach_goals_among_people_with_a_rectangle(kind: Any, seed: int) -> None:
+    robot = {"kinematics": "unicycle", "body": {"shape": "rectangle", "length": 0.9, "width": 0.6}}
+    scene = s2.generate(s2.load_scenario("sonata-2020").changed(robot=robot), 40 + seed)
+    assert driven(scene, kind()) == ("goal", False)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_same_seed_gives_the_same_commands(kind: Any) -> None:
+    scene = s2.generate("sonata-2020", 7)
+    commands = []
+    for _ in range(2):
+        episode = s2.Episode(scene, kind())
+        for _ in range(30):
+            episode.step()
+        commands.append(episode.past.commands)
+    np.testing.assert_array_equal(*commands)
+
+
+def test_settings_are_recorded_and_restored() -> None:
+    sensors = (Lidar("scan", rays=90, mount=(0.2, 0.0)), Odometry(skid=0.1))
+    planner = Mppi(samples=64, temperature=0.5, sensors=sensors)
+    again = Mppi.from_settings(orjson.loads(orjson.dumps(planner.settings())))
+    assert (again.samples, again.temperature, again.sensors) == (64, 0.5, sensors)
+    with pytest.raises(ValueError, match="samples"):
+        Mppi(samples=1)
+    with pytest.raises(ValueError, match="Dwa needs a Lidar and an Odometry"):
+        Dwa(sensors=(Lidar(),))
+
+
+def test_sensors_of_other_names_rates_and_mounts_are_used() -> None:
+    sensors = (Lidar("scan", rate=5.0, rays=90, mount=(0.2, 0.0)), Odometry("wheels", latency=0.1))
+    assert driven(room(), Dwa(sensors=sensors)) == ("goal", False)
+
+
+def test_a_scan_marks_what_it_meets_and_clears_what_it_crosses() -> None:
+    grid = local_map((0.0, 0.0), (4.0, 0.0))
+
+    def cell(x: float, y: float) -> float:
+        i, j = np.round((np.array([x, y]) - grid.low) / CELL).astype(int)
+        return float(grid.evidence[i, j])
+
+    ends, is_hit = np.array([[2.0, 0.0], [2.0, 0.1]]), np.array([True, True])
+    for _ in range(2):
+        add_scan(grid.low, grid.evidence, 0.0, 0.0, ends, is_hit)
+    assert cell(2.0, 0.0) > 0.9
+    assert cell(1.0, 0.0) == 0.0
+    beyond = np.array([[3.0, 0.0], [3.0, 0.15]])
+    for _ in range(4):
+        add_scan(grid.low, grid.evidence, 0.0, 0.0, beyond, np.array([False, False]))
+    assert cell(2.0, 0.0) == 0.0
+
+
+def test_the_way_leads_round_what_was_seen_and_through_what_is_unknown() -> None:
+    grid = local_map((0.0, 0.0), (4.0, 0.0))
+    find_way(grid.low, grid.evidence, grid.price, grid.value, 0.3, 4.0, 0.0)
+    i, j = np.round((0.0 - grid.low) / CELL).astype(int)
+    direct = grid.value[i, j]
+    assert direct == pytest.approx(4.0, rel=0.02)
+    wall = np.stack((np.full(41, 2.0), np.linspace(-2.0, 2.0, 41)), axis=1)
+    for _ in range(2):
+        add_scan(grid.low, grid.evidence, 0.0, 0.0, wall, np.ones(41, dtype=bool))
+    find_way(grid.low, grid.evidence, grid.price, grid.value, 0.3, 4.0, 0.0)
+    assert grid.value[i, j] > 2.0 * np.hypot(2.0, 2.3)
