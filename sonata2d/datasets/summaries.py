@@ -94,7 +94,7 @@ class ExcessiveCommands:
     def __str__(self) -> str:
         limit = f"limit {self.limit:g} {_UNITS[self.component]}"
         if self.limit == 0.0:
-            limit = "a unicycle does not move sideways"
+            limit = "the drive does not move sideways"
         excess = f"{self.component} up to {self.command:g} {_UNITS[self.component]} ({limit})"
         return f"{excess} in {_percentage(self.share)} of the frames"
 

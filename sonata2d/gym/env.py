@@ -48,7 +48,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
     """A robot drives to its goal among pedestrians.
 
     **Action**: fractions of the limits of the robot's drive, in [-1, 1]: forward (backward if negative), left, and turn
-    (counter-clockwise); a unicycle has no second one.
+    (counter-clockwise); a robot that does not move sideways has no second one.
 
     **Observation**: a dictionary of arrays in the robot's frame, x ahead and y left, see `docs/gym.md`. Rows of absent
     entities are 0, and so is their mask.
@@ -136,7 +136,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         self.entities = Sizes.of(self.config)
         self.encoder = Encoder(self.entities.changed(dict(sizes or {})), order, parts)
         self.observation_space: spaces.Space[Any] = self.encoder.space
-        axes = 3 if self.config.robot.kinematics == "holonomic" else 2
+        axes = 3 if self.config.robot.moves_sideways else 2
         self.action_space = spaces.Box(np.float32(-1.0), np.float32(1.0), (axes,), np.float32)
         self.render_mode, self._request = render_mode, ImageRequest(*sides, view=view)
         self._reward = reward_of(reward)

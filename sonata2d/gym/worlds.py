@@ -96,7 +96,7 @@ class Worlds:
 
     Attributes:
         num_worlds: B.
-        action_size: 2 (forward, turn), or 3 for holonomic robots (forward, left, turn).
+        action_size: 2 (forward, turn), or 3 for robots that move sideways (forward, left, turn).
         flat: (B, D) of float32, the memory of all parts of floats of the observations, one after another in
             alphabetical order, as of the wrapper `Flat`; `torch.from_numpy(worlds.flat)` shares it.
 
@@ -133,7 +133,7 @@ class Worlds:
         count = len(self._scenes) if num_worlds is None else whole_number("num_worlds", num_worlds, 1)
         encoder = Encoder(_sizes_of(self._scenes).changed(dict(sizes or {})), order)
         self._next = 0  # index of the next scene
-        size = 3 if self._scenes[0].robot.kinematics == "holonomic" else 2
+        size = 3 if self._scenes[0].robot.moves_sideways else 2
         self._set_up(count, encoder, size, reward, threads, record)
 
     def _set_up(

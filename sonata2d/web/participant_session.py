@@ -161,7 +161,7 @@ class ParticipantSession:
             "label": label_content(session.label_spec, texts, language),
             "undoneLabel": session.undone_label,
             "isPractice": step.kind == "practice",
-            "isHolonomic": session.scene.robot.kinematics == "holonomic",
+            "isHolonomic": session.scene.robot.moves_sideways,
             "minimum": config.minimum_length,
             "allowed": {key: getattr(config, key) for key in ("discard", "redo", "undo")},
             "changes": config.changes,

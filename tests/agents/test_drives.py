@@ -118,7 +118,7 @@ def test_a_registered_drive_has_a_scenario_a_file_and_a_replay(tmp_path: Any) ->
         scenario = s2.ScenarioConfig(humans=1, robot={"kinematics": "sluggish", "drive": {"part": 0.25}})
         s2.generate_dataset(tmp_path / "o", scenario, controller=s2.StraightToGoal(), episodes=1, workers=1)
         record = s2.read_episode(tmp_path / "o" / "000000.json")
-        assert record.scene().robot.drive == {"part": 0.25}
+        assert record.scene().robot.drive == {"part": 0.25, "sideways": 0.0}
         assert 0.0 < record.executed[:, 0].max() <= 0.25 + 1e-9
         assert not list(s2.datasets.verify(tmp_path / "o", replay=True))
     finally:
@@ -147,3 +147,40 @@ def test_a_kernel_that_is_an_ordinary_function_is_refused() -> None:
     if s2.core.compiled.kernel.IS_COMPILED:
         with pytest.raises(TypeError, match="decorator `kernel`"):
             Plain.address()
+
+
+@pytest.mark.parametrize(("name", "axes"), [("omni", 3), ("holonomic", 3), ("differential", 2), ("bicycle", 2)])
+def test_actions_have_a_sideways_axis_if_the_drive_has_one(name: str, axes: int) -> None:
+    pytest.importorskip("gymnasium")
+    scenario = s2.ScenarioConfig(humans=2, robot={"kinematics": name})
+    from sonata2d.gym import SocialNavEnv
+
+    env = SocialNavEnv(scenario)
+    env.reset(seed=1)
+    start = env.unwrapped.snapshot.robot.position
+    assert env.action_space.shape == (axes,)
+    worlds = s2.Worlds([s2.generate(scenario, 1)])
+    worlds.reset()
+    command = np.linspace(1.0, 0.4, axes)
+    for _ in range(30):
+        env.step(command.astype(np.float32))
+        worlds.step(command[None])
+    assert worlds.action_size == axes
+    assert math.dist(env.unwrapped.snapshot.robot.position, start) > 0.2
+
+
+def test_worlds_begin_each_episode_with_straight_wheels() -> None:
+    """What a drive remembers does not outlive its episode."""
+    scenario = s2.ScenarioConfig(humans=0, robot={"kinematics": "bicycle"}, rules={"time_limit": 2.0})
+    worlds = s2.Worlds([s2.generate(scenario, 1)])
+    worlds.reset()
+    episodes: list[list[Any]] = [[]]
+    for _ in range(50):
+        step = worlds.step(np.array([[1.0, 1.0]]))
+        if step.is_first[0]:
+            episodes.append([])
+        else:
+            episodes[-1].append(step.observations["robot"][0].tolist())
+    assert len(episodes) > 2
+    assert episodes[1] == episodes[0]
+    assert episodes[0][0] != episodes[0][-1]

@@ -140,7 +140,7 @@ def test_commands_far_beyond_the_limits_give_one_warning_for_the_batch(tmp_path:
         generate_dataset(tmp_path / "out", SIDEWAYS, f"{__name__}:Racer", episodes=9, workers=workers)
     (warning,) = warned
     assert "vx up to 50 m/s (limit 1 m/s) in 100.0 % of the frames" in str(warning.message)
-    assert "a unicycle does not move sideways" in str(warning.message)
+    assert "the drive does not move sideways" in str(warning.message)
     assert [one.component for one in totals_of(rows(tmp_path / "out")).excess] == ["vx", "vy"]
     assert "Commands exceed the limits of the robot's drive" in (tmp_path / "out/README.md").read_text()
 

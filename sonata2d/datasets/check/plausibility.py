@@ -152,7 +152,7 @@ def _is_sudden(record: EpisodeRecord) -> BoolArray:
 
 
 def _check_robot(record: EpisodeRecord) -> Iterator[Finding]:
-    """The robot must move as its drive does, and a unicycle along its heading.
+    """The robot must move as its drive does, and a unicycle or a differential drive along its heading.
 
     The drive keeps its twist during a tick, so that a body which turns covers an arc: its displacement has the
     direction of its mean heading, and is the arc times a factor between cos(half the angle) and 1. Where the guard or a
@@ -166,22 +166,23 @@ def _check_robot(record: EpisodeRecord) -> Iterator[Finding]:
     ahead, left = _along(np.diff(states.robot[:, X : Y + 1], axis=0), theta[:-1] + executed[:, 2] * dt / 2)
     speed = np.hypot(states.robot[:, VX], states.robot[:, VY])
     yield from _worst_tick(speed - scene.robot.top_speed - _ROBOT_SPEED_TOLERANCE, "robot", "the robot", "m/s too fast")
-    is_unicycle, is_steady = scene.robot.kinematics == "unicycle", ~record.guarded & scene.rules.guard
+    name, is_steady = f"the robot, a {scene.robot.kinematics},", ~record.guarded & scene.rules.guard
+    keeps_heading = scene.robot.kinematics in ("unicycle", "differential")
     # m; while a holonomic robot is slowed down, its path can be longer than its mean velocity says
     arc = np.hypot(executed[:, 0], executed[:, 1]) * dt
-    if not is_unicycle:
+    if not keeps_heading:
         arc = np.where(is_steady, arc, scene.robot.top_speed * dt)
     rounding = ROUNDING * (1.0 + arc)  # the second part is for the angle
     difference = np.hypot(ahead - executed[:, 0] * dt, left - executed[:, 1] * dt)
     difference -= arc * np.where(is_steady, 1.0 - np.cos(half), 2.0 * np.sin(half / 2))
     yield from _worst_tick(difference - rounding, "robot", "the robot", "m from where its drive led")
-    if is_unicycle:
+    if keeps_heading:
         sideways = np.abs(left) - np.where(is_steady, 0.0, arc * np.sin(np.minimum(half, np.pi / 2))) - rounding
-        yield from _worst_tick(sideways, "robot", "the robot, a unicycle,", "m off its heading")
-        yield from _worst_tick(np.abs(executed[:, 1]), "executed", "the robot, a unicycle,", "m/s fast sideways")
+        yield from _worst_tick(sideways, "robot", name, "m off its heading")
+        yield from _worst_tick(np.abs(executed[:, 1]), "executed", name, "m/s fast sideways")
         _, slip = _along(states.robot[:, VX : VY + 1], theta)
         slip = np.abs(slip) - ROUNDING * (1.0 + speed)
-        yield from _worst_tick(slip, "robot", "the robot, a unicycle,", "m/s fast sideways")
+        yield from _worst_tick(slip, "robot", name, "m/s fast sideways")
 
 
 def _along(vectors: Array, theta: Array) -> tuple[Array, Array]:

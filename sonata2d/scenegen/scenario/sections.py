@@ -346,17 +346,26 @@ class RobotConfig(Settings):
         """Set all parameters of the drive."""
         kind = drive_class(self.kinematics)
         names = kind().parameters
+        is_built_in = self.kinematics in DRIVES.built_in
         for name in self.drive or ():
-            if name not in names:
+            if name not in names and (is_built_in or name != "sideways"):
                 hint = did_you_mean(name, names) or (f"; it has {', '.join(names)}" if names else "; it has none")
                 raise setting_error(f"the drive {self.kinematics} has no parameter {name!r}{hint}", "drive", name)
         try:
-            parameters = TypeAdapter(kind).validate_python(self.drive or {}).parameters
+            given = {name: value for name, value in (self.drive or {}).items() if name in names}
+            parameters = TypeAdapter(kind).validate_python(given).parameters
         except ValidationError as error:
             first = error.errors()[0]
             raise setting_error(f"{first['msg']}, got {shown(first['input'])}", "drive", *first["loc"]) from error
+        if not is_built_in and not kind.moves_sideways:
+            parameters["sideways"] = 0.0  # a file is read without the plug-in
         vars(self)["drive"] = {name: quantised(value) for name, value in parameters.items()} or None
         return self
+
+    @property
+    def moves_sideways(self) -> bool:
+        """Whether the drive can move sideways."""
+        return bool(drive_class(self.kinematics).moves_sideways)
 
     @model_serializer(mode="wrap")
     def _serialise(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
