@@ -33,7 +33,7 @@ import sonata2d.testing as s2t
 import sonata2d.view as s2v
 from sonata2d.agents import KernelController
 from sonata2d.agents.controllers.planner import Weights
-from sonata2d.agents.drives.built_in import Differential
+from sonata2d.agents.drives.built_in import Bicycle, Differential
 from sonata2d.agents.sensors.base import SensorNoise
 from sonata2d.agents.sensors.lidar import LidarReading
 from sonata2d.core.entities import Furniture, Goal, Human, Limits, Robot, Wall
@@ -272,6 +272,7 @@ CASES: dict[str, Callable[[Number], Any]] = {
     "sonata2d.gym.SocNavGym": lambda n: reward(s2g.SocNavGym, n),
     "sonata2d.agents.Mppi": lambda n: s2a.Mppi(64, n(1)).settings(),
     "sonata2d.agents.Drive": lambda n: Differential(n(1), n(2), n(3)),
+    "sonata2d.agents.Drive.memory_of": lambda n: Bicycle.memory_of(np.array([n(1)]), np.array([n(1), n(0), n(1)])),
     "sonata2d.agents.Camera": lambda n: s2a.Camera(rate=n(2), latency=n(1), view_range=n(3)),
     "sonata2d.agents.FieldOfView": lambda n: s2a.FieldOfView("view", n(2), n(1), n(2), n(5)),
     "sonata2d.agents.Lidar": lambda n: s2a.Lidar(

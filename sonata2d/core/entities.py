@@ -348,6 +348,8 @@ class Robot:
     def top_speed(self) -> float:
         """Highest speed within the limits, m/s."""
         forward, sideways = max(self.limits.ahead, self.limits.back), self.sideways_limit
+        if self.kinematics == "bicycle":  # the centre, which lies before the rear axle, moves sideways in curves
+            sideways = (self.drive or {}).get("rear", 0.0) * self.limits.turn
         return math.sqrt(forward * forward + sideways * sideways)
 
 

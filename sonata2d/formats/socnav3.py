@@ -6,7 +6,7 @@ import numpy as np
 import orjson
 
 from ..core.entities import Furniture
-from ..core.geometry import Disc, Shape
+from ..core.geometry import Disc, Polygon, Shape
 from ..core.portable_math import Array
 from ..errors import RecordError, UnsuitableEpisode
 from ..record.canonical import require_finite
@@ -193,6 +193,8 @@ def _object(thing: Furniture, type: str) -> JsonDict:
 
 def _shape(shape: Shape) -> JsonDict:
     length, width = shape.sides
+    if isinstance(shape, Polygon):  # the rectangle around its centre that contains it
+        length, width = (2.0 * max(abs(point[axis]) for point in shape.points) for axis in (0, 1))
     return {"type": "circle" if isinstance(shape, Disc) else "rectangle", "width": width, "length": length}
 
 

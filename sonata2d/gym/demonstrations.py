@@ -61,13 +61,15 @@ def demonstrate(
     Raises:
         ValueError: there is noise, and the actions are not numbers in a box.
         TypeError: a wrapper of actions is not `DiscreteActions`, or the controller is not an object.
-        ControllerError: the controller requests an image.
+        ControllerError: the controller requests an image, or has sensors.
 
     Source: noise in demonstrations: M. Laskey et al., CoRL 2017 (DART).
     """
     controller = require_controller(controller)
     if controller.image is not None:
         raise ControllerError(f"{type(controller).__name__} requests a camera image, which demonstrations do not draw")
+    if controller.sensors or controller.partial:
+        raise ControllerError(f"{type(controller).__name__} has sensors, which demonstrations do not measure")
     if noise and not isinstance(env.action_space, gymnasium.spaces.Box):
         raise ValueError(f"noise is added to actions in a Box only, got {env.action_space}")
     demonstrations, pipeline = [], Pipeline(env)

@@ -12,7 +12,7 @@ from collections.abc import Collection
 from functools import partial
 
 from ..core.entities import Goal
-from ..core.geometry import Disc, Point, Shape
+from ..core.geometry import Disc, Point, Polygon, Shape
 from ..core.humans import HumanState
 from ..core.relations import ACTIVITY
 from ..core.scene import Unmeasured
@@ -118,16 +118,30 @@ def robot_part(robot: RobotState, *, touches: bool = False) -> Part:
 def draw_chassis(brush: Brush, shape: Shape, *, touches: bool = False) -> None:
     """Draw an outline with wheels, and an arrow that points ahead; its rim is thick and dark during a contact."""
     rim, width = DARK if touches else shaded(ROBOT), 0.07 if touches else 0.035
-    r = shape.inradius or 0.5 * shape.circumradius
+    middle, r = (0.0, 0.0), shape.inradius
+    if not isinstance(shape, Disc):  # the origin may lie at its edge
+        middle, r = _middle_of(shape)
     if isinstance(shape, Disc):
         brush.disc(ROBOT, (0.0, 0.0), r)
         brush.ring(rim, (0.0, 0.0), r, width)
     else:
-        scale = 1.0 - 0.5 * width / r  # the rim lies within the outline
-        brush.polygon(ROBOT, [(scale * x, scale * y) for x, y in shape.core], rim, width)
+        scale = max(1.0 - 0.5 * width / r, 0.5)  # the rim lies within the outline
+        inner = [(middle[0] + scale * (x - middle[0]), middle[1] + scale * (y - middle[1])) for x, y in shape.core]
+        brush.polygon(ROBOT, inner, rim, width)
+    mx, my = middle
     for side in (-1, 1):
-        brush.box(DARK, (-0.35 * r, side * 0.72 * r - 0.09 * r), (0.35 * r, side * 0.72 * r + 0.09 * r))
-    brush.polygon(PAPER, [(0.78 * r, 0.0), (-0.42 * r, 0.48 * r), (-0.18 * r, 0.0), (-0.42 * r, -0.48 * r)])
+        y = my + side * 0.72 * r
+        brush.box(DARK, (mx - 0.35 * r, y - 0.09 * r), (mx + 0.35 * r, y + 0.09 * r))
+    arrow = [(0.78 * r, 0.0), (-0.42 * r, 0.48 * r), (-0.18 * r, 0.0), (-0.42 * r, -0.48 * r)]
+    brush.polygon(PAPER, [(mx + x, my + y) for x, y in arrow])
+
+
+def _middle_of(shape: Shape) -> tuple[Point, float]:
+    """The mean of the corners of an outline, m, and the radius of the circle around it within the outline, m."""
+    corners = shape.core
+    x, y = sum(corner[0] for corner in corners) / len(corners), sum(corner[1] for corner in corners) / len(corners)
+    around = Polygon(tuple((a - x, b - y) for a, b in corners))
+    return (x, y), around.inradius
 
 
 def goal_part(goal: Goal) -> Part:

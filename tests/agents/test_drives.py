@@ -184,3 +184,48 @@ def test_worlds_begin_each_episode_with_straight_wheels() -> None:
     assert len(episodes) > 2
     assert episodes[1] == episodes[0]
     assert episodes[0][0] != episodes[0][-1]
+
+
+@kernel
+def _overflow(parameters: Array, limits: Array, memory: Array, now: Array, command: Array, dt: float) -> None:
+    command[0] = command[0] / parameters[0]
+
+
+@dataclass(frozen=True)
+class Broken(Drive):
+    """Divides by zero."""
+
+    divisor: float = 0.0
+    kernel: ClassVar[Any] = _overflow
+
+
+def test_a_drive_whose_velocity_is_not_finite_ends_the_episode_with_an_error() -> None:
+    DRIVES.register("broken", Broken)
+    try:
+        scene = s2.generate(s2.ScenarioConfig(humans=0, robot={"kinematics": "broken"}), 1)
+        with pytest.raises((ValueError, ZeroDivisionError)):
+            s2.Episode(scene, s2.StraightToGoal()).run()
+    finally:
+        del DRIVES.registered["broken"]
+
+
+@pytest.mark.parametrize(
+    ("kinematics", "drive", "message"),
+    [
+        ("differential", {"track": 1e-5}, "greater than 0"),
+        ("omni", {"wheels": 2.0}, "greater than or equal to 3"),
+        ("omni", {"wheels": 3.5}, "multiple of 1"),
+        ("bicycle", {"steering": 1.6}, "less than or equal to 1.5"),
+    ],
+)
+def test_parameters_that_no_robot_has_are_refused(kinematics: str, drive: dict[str, float], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        s2.ScenarioConfig(robot={"kinematics": kinematics, "drive": drive})
+
+
+def test_another_drive_has_its_own_parameters_in_a_derived_scenario() -> None:
+    base = s2.ScenarioConfig(robot={"kinematics": "differential", "drive": {"track": 0.6}})
+    assert base.changed(robot={"kinematics": "unicycle"}).robot.drive is None
+    assert base.changed(robot={"kinematics": "bicycle"}).robot.drive == Bicycle().parameters
+    assert base.changed(robot={"drive": {"track": 0.5}}).robot.drive["track"] == 0.5  # type: ignore[index]
+    assert base.changed(robot={"radius": 0.2}).robot.drive == base.robot.drive

@@ -105,3 +105,29 @@ def test_the_way_leads_round_what_was_seen_and_through_what_is_unknown() -> None
         add_scan(grid.low, grid.evidence, 0.0, 0.0, wall, np.ones(41, dtype=bool))
     find_way(grid.low, grid.evidence, grid.price, grid.value, 0.3, 4.0, 0.0)
     assert grid.value[i, j] > 2.0 * np.hypot(2.0, 2.3)
+
+
+@pytest.mark.parametrize(("rate", "latency"), [(None, 0.5), (2.0, 0.0), (5.0, 0.3)])
+def test_late_and_rare_scans_stay_where_they_were_taken(rate: float | None, latency: float) -> None:
+    sensors = (Lidar(rate=rate, latency=latency), Odometry(translation=0.0, rotation=0.0, skid=0.0))
+    scene, planner = room(robot=Pose(-3.0, 0.0)), Dwa(sensors=sensors)
+    episode = s2.Episode(scene, planner)
+    for _ in range(35):
+        episode.step()
+        r = planner._rollouts.value
+        points = r.points[: r.number[0]]
+        if len(points):
+            assert scene.barriers.gaps(points).min(axis=0).max() < 1e-6
+
+
+def test_a_planner_that_takes_over_knows_how_the_wheels_stand() -> None:
+    scene = replace(room(), robot=Robot(Pose(-2.0, 0.0), kinematics="bicycle"))
+    episode = s2.Episode(scene)
+    for _ in range(15):
+        episode.apply(s2.Twist(0.6, 0.0, 0.5))
+    planner = Dwa()
+    branch = episode.branch(15, planner)
+    branch.step()
+    twist = branch.snapshot().robot.executed
+    assert planner._rollouts.value.memory[0] == pytest.approx(np.arctan(0.5 * twist.omega / twist.vx), abs=0.16)
+    assert abs(planner._rollouts.value.memory[0]) > 0.1

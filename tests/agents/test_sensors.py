@@ -217,7 +217,7 @@ def test_the_detector_misses_and_invents_people_as_often_as_it_is_told() -> None
     assert invented / 600 == pytest.approx(0.3, abs=0.08)
 
 
-def test_walls_furniture_and_people_hide_people() -> None:
+def test_walls_and_people_hide_people_and_furniture_does_not() -> None:
     humans = [walker(1, 0.0, 0.0), walker(2, 2.0, 0.0), walker(3, 0.0, 2.0), walker(4, 1.0, -2.0), walker(5, -3.4, 1.0)]
     table = Furniture(9, "table", Pose(-1.0, 1.0, 0.7), Rectangle(1.0, 0.4))
     scene = room(humans, [table], inner=[Wall((-0.5, -3.0), (-0.5, -0.6))], robot=Pose(-2.0, 0.0))
@@ -227,8 +227,8 @@ def test_walls_furniture_and_people_hide_people() -> None:
         reading = FieldOfView(**settings).start(scene)(snapshot, noise_of())
         return list(reading.humans.id.tolist())
 
-    assert seen(angle=6.3 - 0.02) == [1, 5]
-    assert seen(angle=math.pi) == [1]
+    assert seen(angle=6.28) == [1, 3, 5]
+    assert seen(angle=math.pi) == [1, 3]
     assert seen(angle=6.28, distance=1.9) == [5]
     assert seen(angle=6.28, occlusion=False) == [1, 2, 3, 4, 5]
 
@@ -346,3 +346,51 @@ def test_a_costmap_marks_what_the_scan_meets_and_its_surroundings() -> None:
     assert cost[at - 10] == 0
     assert cost[: at - 8] == sorted(cost[: at - 8])
     assert grid.at(np.array([[10.0, 0.0]])).tolist() == [0]
+
+
+def test_people_who_sit_are_seen() -> None:
+    """Their own seat does not hide them, nor do tables: people are taller."""
+    seen, sitting = 0, 0
+    for seed in range(3):
+        scene = s2.generate("lively", seed)
+        episode = s2.Episode(scene)
+        for _ in range(60):
+            episode.apply(Twist())
+        snapshot = episode.snapshot()
+        reading = FieldOfView(angle=6.28, distance=30.0).start(scene)(snapshot, noise_of())
+        everybody = FieldOfView(angle=6.28, distance=30.0, occlusion=False).start(scene)(snapshot, noise_of())
+        seen += sum(human.activity == "sitting" for human in reading.humans)
+        sitting += sum(human.activity == "sitting" for human in everybody.humans)
+    assert sitting > 0
+    assert seen > 0.5 * sitting
+
+
+def test_human_like_and_its_inner_controller_share_sensors() -> None:
+    controller = s2.HumanLike(Cautious())
+    frame = s2.Episode(s2.generate("sonata-2020", 2), controller).step()
+    assert frame is not None
+    pytest.importorskip("gymnasium")
+    from sonata2d.gym import SocialNavEnv, demonstrate
+
+    with pytest.raises(ControllerError, match="has sensors, which demonstrations do not measure"):
+        demonstrate(SocialNavEnv("sonata-2020"), Cautious(), seed=1, episodes=1)
+
+
+def test_misuse_of_sensors_says_what_to_write() -> None:
+    class One(Watcher):
+        def __init__(self) -> None:
+            super().__init__()
+            self.sensors = Lidar()  # type: ignore[assignment]
+
+    class PartialPlanner(s2.SocialPlanner):
+        partial = True
+
+    scene = s2.generate("sonata-2020", 2)
+    with pytest.raises(ControllerError, match=r"write sensors = \(Lidar\(\),\)"):
+        s2.Episode(scene, One())
+    with pytest.raises(ControllerError, match="it cannot be partial"):
+        s2.Episode(scene, PartialPlanner())
+    with pytest.raises(ValueError, match=r"attribute of snapshot.sensors, got 'keys'"):
+        Lidar("keys")
+    with pytest.raises(ValueError, match=r"mount is a position \(x, y\)"):
+        Lidar(mount=(1.0, 2.0, 3.0))  # type: ignore[arg-type]

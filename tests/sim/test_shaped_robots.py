@@ -17,7 +17,7 @@ from sonata2d.core.geometry import Disc, Outline, Polygon, Pose, Rectangle, Shap
 from sonata2d.core.portable_math import Array
 from sonata2d.core.proxemics import clearances, obstacle_clearance
 from sonata2d.core.scene import Rules, Scene
-from sonata2d.datasets import verify
+from sonata2d.datasets import mirrored, verify
 from sonata2d.errors import ConfigError, SceneError
 from sonata2d.gym.rewards import CrowdNav
 from sonata2d.metrics.trajectory import Trajectory
@@ -305,3 +305,53 @@ def test_a_scenario_places_polygons_of_furniture(tmp_path: Path) -> None:
     assert not list(verify(tmp_path / "o", replay=True))
     with pytest.raises(ConfigError, match="give size or body, not both"):
         s2.ScenarioConfig(furniture=[counter | {"size": 0.5}])
+
+
+LOPSIDED = ((0.8, -0.2), (0.3, 0.5), (-0.4, 0.1), (-0.4, -0.2))
+
+
+def test_the_mirror_image_of_a_polygon_is_mirrored(tmp_path: Path) -> None:
+    body = {"shape": "polygon", "points": LOPSIDED}
+    counter = {"type": "counter", "x": 0.0, "y": 1.0, "theta": 0.5, "body": body}
+    settings = s2.ScenarioConfig(humans=2, tables=0, furniture=[counter], robot={"body": body})
+    s2.generate_dataset(tmp_path / "o", settings, s2.StraightToGoal(), episodes=1, seed=2, workers=1)
+    record = s2.read_episode(tmp_path / "o" / "000000.json")
+    image = mirrored(record)
+    for shape in (image.scene().robot.outline, image.scene().furniture[-1].shape):
+        assert {(x, -y) for x, y in shape.core} == set(LOPSIDED)
+    assert mirrored(image).document == record.document
+    one, other = (Trajectory(each) for each in (record, image))
+    assert other.human_clearance == pytest.approx(one.human_clearance)
+    assert other.barrier_clearance.min() == pytest.approx(one.barrier_clearance.min())
+
+
+@pytest.mark.parametrize("kinematics", ["differential", "omni", "bicycle"])
+@pytest.mark.parametrize("guard", [True, False])
+def test_check_accepts_what_the_drives_do(kinematics: str, guard: bool, tmp_path: Path) -> None:
+    drive = {"rear": 0.5} if kinematics == "bicycle" else None
+    robot = {"kinematics": kinematics, "body": BODIES["cart"], "drive": drive}
+    settings = s2.load_scenario("sonata-2020").changed(robot=robot, rules={"guard": guard})
+    s2.generate_dataset(tmp_path / "o", settings, "dwa", episodes=3, workers=1)
+    assert not list(verify(tmp_path / "o"))
+
+
+def test_the_turn_rate_of_a_turn_that_the_guard_stops_is_the_real_one() -> None:
+    episode = alone(Rectangle(1.2, 0.4), Pose(0.0, 3.7), "unicycle")
+    for _ in range(40):
+        before = episode.snapshot().robot.pose.theta
+        episode.apply(Twist(0.0, 0.0, 0.5))
+        robot = episode.snapshot().robot
+        if robot.guarded and abs(robot.pose.theta - before) < 1e-9:
+            assert robot.omega == 0.0
+            return
+    raise AssertionError("the wall never stopped the turn")
+
+
+def test_a_robot_with_its_origin_at_its_edge_is_drawn_where_it_is() -> None:
+    car = Polygon(((-0.01, -0.25), (0.9, -0.25), (0.9, 0.25), (-0.01, 0.25)))
+    scene = replace(room(robot=Pose(0.0, 0.0)), robot=Robot(Pose(0.0, 0.0), shape=car))
+    image = s2.view.image_of(s2.Episode(scene).observe(), ImageRequest(200, 200, "top"))
+    orange = (image[..., 0] > 180) & (image[..., 1] < 130) & (image[..., 2] < 60)
+    columns = np.flatnonzero(orange.any(axis=0))
+    assert columns.min() >= 98  # the origin is in the middle of the picture
+    assert columns.max() > 115

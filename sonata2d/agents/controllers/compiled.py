@@ -19,6 +19,7 @@ from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...core.state import HUMAN_SIZE, ROBOT_SIZE
 from ...core.wording import shown
+from ...errors import ControllerError
 from .base import Controller
 
 
@@ -42,6 +43,8 @@ class KernelController(Controller):
         """The knowledge of the kernel, and what it remembers in an episode: a named tuple, see `packing.pack`."""
 
     def reset(self, scene: Scene) -> None:
+        if self.partial:
+            raise ControllerError(f"{type(self).__name__} is compiled and reads the whole state: it cannot be partial")
         memory = self.memory(scene)
         if not hasattr(memory, "_fields"):
             raise TypeError(f"{type(self).__name__}.memory must return a NamedTuple, got {shown(memory)}")

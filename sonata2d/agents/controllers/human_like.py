@@ -15,6 +15,7 @@ from ...core.rng import RandomStream
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...core.wording import shown
+from ..sensors.base import known_to, shown_to
 from .base import Answer, Controller, recorded_path
 from .loading import find_controller
 from .planner import SocialPlanner
@@ -69,6 +70,7 @@ class HumanLike(Controller):
         self.noise, self.labels_intention = finite_number("noise", noise, 0.0), labels_intention
         self._inner = inner or SocialPlanner()
         self.image, self.deterministic = self._inner.image, self._inner.deterministic
+        self.sensors = tuple(self._inner.sensors)
         self.labels = {"intention": _INTENTION_MEANING} if labels_intention else self._inner.labels
 
     @classmethod
@@ -85,7 +87,7 @@ class HumanLike(Controller):
         return {**super().settings(), "inner": inner | {"settings": dict(self._inner.settings())}}
 
     def reset(self, scene: Scene) -> None:
-        self._inner.reset(scene)
+        self._inner.reset(known_to(self._inner, scene))
         self._rng = RandomStream(scene.seed, scene.episode, "controller")
         self._side, dt = float(scene.rules.side), scene.rules.dt
         self._lag_gain, self._noise_decay = 1.0 - _decay(dt, self.lag), _decay(dt, _NOISE_TIME)
@@ -94,7 +96,7 @@ class HumanLike(Controller):
         self._noise_state: Vector3 = (0.0, 0.0, 0.0)
 
     def act(self, snapshot: Snapshot) -> Answer:
-        intention, robot = self._inner.act(snapshot), snapshot.robot
+        intention, robot = self._inner.act(shown_to(self._inner, snapshot)), snapshot.robot
         if not isinstance(intention, Twist):
             return intention
         if self._output is None:

@@ -17,7 +17,7 @@ from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Floats, Floats2, Ints, Packed, unpack
 from ...core.compiled.scalar import exp, rotation
 from ...core.entities import ANY_HEADING
-from ...core.geometry import Twist
+from ...core.geometry import Pose, Twist
 from ...core.portable_math import Array, unit_vector, unit_vectors
 from ...core.rng import RandomStream
 from ...core.scene import Scene
@@ -216,9 +216,10 @@ class LocalPlanner(Controller):
         robot, goal = scene.robot, scene.goal
         self._map = local_map(robot.pose.position, goal.position)
         self._goal, self._tick, self._places = goal, -1, 0
+        self._poses: dict[int, Pose] = {}  # by tick, of the odometry
         self._radius = float(robot.outline.inradius)
         outline = robot.outline
-        drive = drive_of(robot)
+        drive = self._drive = drive_of(robot)
         state, lidar = drive_state(drive, robot.limits), self._sensor(Lidar)
         sizes = outline.rounding, outline.circumradius
         numbers = np.array([sizes[0], goal.x, goal.y, 0.5 * _ARRIVAL * goal.distance, sizes[1]])
@@ -254,11 +255,18 @@ class LocalPlanner(Controller):
         if scan is None or odometry is None:
             return Twist()
         self._look(scan, odometry, snapshot.tick)
-        executed, pose = snapshot.robot.executed, odometry.pose
+        executed, pose, late = snapshot.robot.executed, odometry.pose, (snapshot.tick - odometry.tick) * snapshot.dt
+        if late > 0.0:
+            twist = odometry.twist
+            x, y = pose.to_world((twist.vx * late, twist.vy * late))
+            pose = Pose(x, y, pose.theta + twist.omega * late)
         r.state[:] = pose.x, pose.y, *pose.direction, executed.vx, executed.vy, executed.omega
+        memory = self._drive.memory_of(r.parameters, r.state[4:7])
+        if memory is not None:  # the wheels stand as the robot moves, whoever has driven it there
+            r.memory[:] = memory
         if length(r.numbers[1] - pose.x, r.numbers[2] - pose.y) < _ARRIVAL * self._goal.distance:
             turn = math.remainder(self._goal.theta - pose.theta, math.tau) if self._goal.angle < ANY_HEADING else 0.0
-            if abs(turn) > 0.5 * self._goal.angle:
+            if abs(turn) > 0.5 * self._goal.angle and not self._drive.is_coupled:
                 return Twist(0.0, 0.0, turn)
             self._search()
         command = self._plan()
@@ -274,14 +282,28 @@ class LocalPlanner(Controller):
         numbers = self._rollouts.value.numbers
         numbers[1], numbers[2] = self._goal.x + offset * c, self._goal.y + offset * s
 
+    def command_overridden(self, twist: Twist) -> None:
+        self._rollouts.value.last[:] = twist.vx, twist.vy, twist.omega
+
     @abstractmethod
     def _plan(self) -> Array:
         """The next command, (3,)."""
 
     def _look(self, scan: LidarReading, odometry: OdometryReading, tick: int) -> None:
         """Add a scan to the map, and find the way anew from time to time."""
-        r, pose = self._rollouts.value, odometry.pose
-        is_new = scan.tick > self._tick
+        r = self._rollouts.value
+        self._poses[odometry.tick] = odometry.pose
+        if scan.tick > self._tick:
+            self._add(scan)
+        if tick % _REPLANNING_INTERVAL == 0:
+            goal = float(r.numbers[1]), float(r.numbers[2])
+            find_way(self._map.low, self._map.evidence, self._map.price, self._map.value, self._radius, *goal)
+
+    def _add(self, scan: LidarReading) -> None:
+        """Add a scan to the map, from where the robot was when it was taken."""
+        r, before = self._rollouts.value, [tick for tick in self._poses if tick <= scan.tick]
+        self._tick, pose = scan.tick, self._poses[max(before, default=min(self._poses))]
+        self._poses = {tick: at for tick, at in self._poses.items() if tick >= max(before, default=0)}
         is_hit, known = np.isfinite(scan.ranges), ~np.isnan(scan.ranges)
         ranges = np.where(is_hit, scan.ranges, scan.range_max)
         origin = pose.to_world(scan.mount)
@@ -289,13 +311,8 @@ class LocalPlanner(Controller):
         ends = np.ascontiguousarray(np.array(origin) + directions * ranges[:, None])
         points = ends[is_hit]
         r.points[: len(points)], r.number[0] = points, len(points)
-        if is_new:
-            self._tick = scan.tick
-            x, y = float(origin[0]), float(origin[1])
-            add_scan(self._map.low, self._map.evidence, x, y, ends[known], is_hit[known])
-        if tick % _REPLANNING_INTERVAL == 0:
-            goal = float(r.numbers[1]), float(r.numbers[2])
-            find_way(self._map.low, self._map.evidence, self._map.price, self._map.value, self._radius, *goal)
+        x, y = float(origin[0]), float(origin[1])
+        add_scan(self._map.low, self._map.evidence, x, y, ends[known], is_hit[known])
 
     def _prices(self, commands: Array) -> Array:
         prices = np.empty(len(commands))

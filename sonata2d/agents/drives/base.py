@@ -76,6 +76,16 @@ class Drive(FloatFields):
             raise TypeError(f"{cls.__name__}.kernel must be a function with the decorator `kernel`")
         return address_of(kernel, FLOATS, FLOATS, FLOATS, FLOATS, FLOATS, FLOAT)
 
+    @classmethod
+    def memory_of(cls, parameters: Array, twist: Array) -> Array | None:
+        """The memory of the drive while it executes a twist, (4,); None where the twist does not determine it.
+
+        Args:
+            parameters: (P,), in the order of the fields.
+            twist: (3,), body frame.
+        """
+        return None
+
 
 def drive_of(robot: Robot) -> Drive:
     """The drive of a robot; parameters that it does not have are ignored."""

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from annotated_types import Ge, Gt, Le, MultipleOf
 
 from ...core.bounds import NotNegative, Positive
 from ...core.compiled.kernel import kernel, subroutine
@@ -12,6 +15,7 @@ from ...core.portable_math import PI, Array
 from .base import TURN, Drive, limit_speeds
 
 _STEERING = 0  # item of the memory of a bicycle, rad
+_SLOWEST = 0.02  # m/s, at which the curve of a bicycle says where its wheels point
 
 
 @kernel
@@ -113,13 +117,13 @@ class Omni(Drive):
     All three velocities of a command lose the same fraction where a wheel is too fast.
 
     Attributes:
-        wheels: their number, 3 or more.
+        wheels: their number, 3 to 64.
         reach: distance of the wheels from the centre, m.
         wheel_speed: largest speed of a wheel over the ground, m/s.
         wheel_acceleration: largest acceleration of a wheel, m/s².
     """
 
-    wheels: Positive = 3.0
+    wheels: Annotated[float, Ge(3), Le(64), MultipleOf(1)] = 3.0
     reach: Positive = 0.25
     wheel_speed: Positive = 1.0
     wheel_acceleration: Positive = 1.5
@@ -156,7 +160,7 @@ class Bicycle(Drive):
 
     Attributes:
         wheel_base: distance of the axles, m.
-        steering: largest angle of the front wheels, rad; below 1.5.
+        steering: largest angle of the front wheels, rad; 1.5 or less.
         steering_rate: largest rate at which they are turned, rad/s.
         rear: distance from the rear axle to the centre of the robot, m.
 
@@ -165,8 +169,15 @@ class Bicycle(Drive):
     """
 
     wheel_base: Positive = 0.5
-    steering: Positive = 0.6
+    steering: Annotated[float, Gt(0), Le(1.5)] = 0.6
     steering_rate: Positive = 1.5
     rear: NotNegative = 0.25
     is_coupled: ClassVar[bool] = True
     kernel: ClassVar[Any] = _limit_steering
+
+    @classmethod
+    def memory_of(cls, parameters: Array, twist: Array) -> Array | None:
+        if abs(twist[0]) < _SLOWEST:
+            return None
+        side = 1.0 if twist[0] > 0.0 else -1.0
+        return np.array([angle_of(float(side * parameters[0] * twist[2]), float(abs(twist[0]))), 0.0, 0.0, 0.0])

@@ -75,7 +75,7 @@ class Sensor(FloatFields, ABC):
 
     Attributes:
         name: of the reading in `snapshot.sensors`; by default that of the class, such as `lidar` or `people_detector`.
-        rate: measurements per second; None: one in each tick.
+        rate: measurements per second; None: one in each tick. The time between them is rounded to whole ticks.
         latency: time from a measurement until the controller gets it, s; rounded to ticks.
     """
 
@@ -87,7 +87,7 @@ class Sensor(FloatFields, ABC):
         super().__post_init__()
         if not self.name:
             object.__setattr__(self, "name", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", type(self).__name__).lower())
-        if not self.name.isidentifier():
+        if not self.name.isidentifier() or hasattr(Readings, self.name):
             raise ValueError(f"the name of a sensor is an attribute of snapshot.sensors, got {self.name!r}")
         if self.rate is not None and not self.rate > 0.0:
             raise ValueError(f"rate must be positive, got {self.rate}")
@@ -157,6 +157,10 @@ class SensorSuite:
     """
 
     def __init__(self, sensors: Sequence[Sensor], scene: Scene, renderer: Renderer | None = None) -> None:
+        if not isinstance(sensors, Sequence):
+            raise ControllerError(
+                f"sensors of a controller are several, got {sensors!r:.60}; write sensors = (Lidar(),)"
+            )
         self._sensors, self._scene, self._tick = tuple(sensors), scene, -1
         names: set[str] = set()
         for sensor in self._sensors:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.arguments import finite_number, positive_number
-from ...core.barrier_grid import packed_solids
-from ...core.geometry import Pose, Twist
+from ...core.barrier_grid import Solids, packed_solids
+from ...core.compiled.packing import Packed
+from ...core.geometry import Barriers, Pose, Twist
 from ...core.humans import Humans
 from ...core.portable_math import Array, IntArray, unit_vector, unit_vectors
 from ...core.rays import measure_ranges
@@ -100,7 +101,7 @@ class PeopleDetector(Sensor):
 
     Attributes:
         angle, distance: of the field of view, rad and m.
-        occlusion: whether walls and furniture hide people, and people hide each other.
+        occlusion: whether walls and other people hide a person; people are seen over furniture.
         misses: probability that a person in view is not reported, in each measurement.
         false_alarms: mean number of reports of nobody, in each measurement; anywhere in the field of view.
         noise, velocity_noise: standard deviations of positions (m) and velocities (m/s), in x and y.
@@ -124,11 +125,11 @@ class PeopleDetector(Sensor):
             raise ValueError(f"misses is a probability, got {self.misses}")
 
     def start(self, scene: Scene) -> Measure:
-        solids = packed_solids(scene.barriers)
+        walls = walls_of(scene)
 
         def measure(snapshot: Snapshot, noise: SensorNoise) -> PeopleReading:
             humans, robot = snapshot.humans, snapshot.robot
-            rows = visible_rows(snapshot, solids.argument, self.angle, self.distance, self.occlusion)
+            rows = visible_rows(snapshot, walls.argument, self.angle, self.distance, self.occlusion)
             rows = rows[noise.uniforms(len(rows)) >= self.misses]
             c, s = robot.direction
             turn = np.array([[c, -s], [s, c]])
@@ -151,14 +152,19 @@ def _turned(vectors: Array, turn: Array) -> Array:
     return turned
 
 
-def visible_rows(snapshot: Snapshot, packed_solids: object, angle: float, distance: float, occlusion: bool) -> IntArray:
+def walls_of(scene: Scene) -> Packed[Solids]:
+    """The walls of a scene, which hide people, for kernels."""
+    return packed_solids(Barriers.of((wall.start, wall.end, 0.0) for wall in scene.straight_walls.values()))
+
+
+def visible_rows(snapshot: Snapshot, packed_walls: object, angle: float, distance: float, occlusion: bool) -> IntArray:
     """Rows of `snapshot.humans` of the people whose centre the robot sees, (K,) of int.
 
     Args:
         snapshot: the state.
-        packed_solids: walls and furniture.
+        packed_walls: see `walls_of`.
         angle, distance: of the field of view, rad and m.
-        occlusion: whether walls, furniture and other people hide a person.
+        occlusion: whether walls and other people hide a person.
     """
     humans, robot = snapshot.humans, snapshot.robot
     offset = humans.position - np.array(robot.position)
@@ -173,7 +179,7 @@ def visible_rows(snapshot: Snapshot, packed_solids: object, angle: float, distan
         ranges, ray = np.array([away[row] - 1e-6]), offset[row : row + 1] / max(float(away[row]), 1e-9)
         others = np.delete(lines, row, axis=0)
         (x, y), ray = robot.position, np.ascontiguousarray(ray)
-        measure_ranges(float(x), float(y), 1.0, 0.0, packed_solids, others, ray, ranges)
+        measure_ranges(float(x), float(y), 1.0, 0.0, packed_walls, others, ray, ranges)
         is_seen.append(bool(ranges[0] >= away[row] - 1e-6))
     return rows[is_seen]
 
@@ -201,7 +207,7 @@ class FieldOfView(Sensor):
 
     Attributes:
         angle, distance: of the field of view, rad and m.
-        occlusion: whether walls and furniture hide people, and people hide each other.
+        occlusion: whether walls and other people hide a person; people are seen over furniture.
     """
 
     angle: float = 2.0 * math.pi / 3.0
@@ -214,10 +220,10 @@ class FieldOfView(Sensor):
         positive_number("distance", self.distance)
 
     def start(self, scene: Scene) -> Measure:
-        solids = packed_solids(scene.barriers)
+        walls = walls_of(scene)
 
         def measure(snapshot: Snapshot, noise: SensorNoise) -> ViewReading:
-            rows = visible_rows(snapshot, solids.argument, self.angle, self.distance, self.occlusion)
+            rows = visible_rows(snapshot, walls.argument, self.angle, self.distance, self.occlusion)
             humans = snapshot.humans
             seen = humans.select(rows)
             if humans.row is not None and seen is not humans:

@@ -86,6 +86,9 @@ class Lidar(Sensor):
             positive_number(name, getattr(self, name))
         for name in ("nearest", "noise", "dropout"):
             finite_number(name, getattr(self, name), 0.0)
+        finite_number("heading", self.heading)
+        if len(self.mount) != 2 if isinstance(self.mount, tuple) else True:
+            raise ValueError(f"mount is a position (x, y) in the frame of the robot, got {self.mount!r}")
         if self.angle > 2.0 * math.pi + 1e-9:
             raise ValueError(f"angle must be at most 2 pi, got {self.angle}")
         if self.dropout > 1.0:

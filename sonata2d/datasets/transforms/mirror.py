@@ -266,7 +266,7 @@ def _document_image(document: JsonDict, label: LabelImage | None) -> JsonDict:
         "queues": lambda queues: [_pose_image(queue) for queue in queues],
         "places": lambda places: [place | {"y": flipped(place["y"])} for place in places],
         "humans": lambda humans: [_human_image(human) for human in humans],
-        "robot": _pose_image,
+        "robot": lambda robot: _shape_image(_pose_image(robot)),
         "goal": _pose_image,
         "controller": _controller_image,
         "frames": lambda frames: [_frame_image(frame, label) for frame in frames],
@@ -332,6 +332,14 @@ def _pose_image(entity: JsonDict) -> JsonDict:
     return entity | {"y": flipped(entity["y"]), "theta": flipped_angle(entity["theta"])}
 
 
+def _shape_image(entity: JsonDict) -> JsonDict:
+    """The entity with the image of its outline: of a polygon, whose corners stay counter-clockwise."""
+    shape = entity.get("shape") or {}
+    if shape.get("type") != "polygon":
+        return entity
+    return entity | {"shape": shape | {"points": _points_image(reversed(shape["points"]))}}
+
+
 def _human_image(human: JsonDict) -> JsonDict:
     points = {key: _points_image(human[key]) for key in ("goals", "track")}
     return _pose_image(human) | points | {"velocity": _points_image([human["velocity"]])[0]}
@@ -348,7 +356,7 @@ def _objects_image(objects: list[JsonDict], original_thetas: dict[int, Any]) -> 
         objects: as in the file.
         original_thetas: angles, by index, that `turned_angle` does not restore.
     """
-    images = [_pose_image(thing) for thing in objects]
+    images = [_shape_image(_pose_image(thing)) for thing in objects]
     for k, thing in enumerate(objects):
         if _is_oblong(thing):
             images[k]["theta"] = original_thetas.get(k, turned_angle(thing["theta"]))

@@ -321,6 +321,8 @@ def merged(base: dict[str, Any], changes: dict[str, Any], model: type = Scenario
     # `humans` replaces `standing` and `wandering`, and the other way round: both together would be an error
     counts = {"standing", "wandering"}
     replaced = counts if "humans" in changes else {"humans"} if counts & changes.keys() else set()
+    if changes.get("kinematics") not in (None, base.get("kinematics")) and "drive" not in changes:
+        replaced = {"drive"}  # another drive has other parameters
     result = {key: value for key, value in base.items() if key not in replaced}
     fields = model.model_fields if issubclass(model, Settings) else {}
     for key, value in changes.items():

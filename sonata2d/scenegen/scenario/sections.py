@@ -54,6 +54,9 @@ _GroupSize = Annotated[IntRange, within("a group has 2 to 6 people", 2, 6)]
 _Spacing = Annotated[Range, within("neighbours in a group need 0.5 m or more between their centres", 0.5)]
 
 
+_SMALLEST_BODY = 0.01  # m
+
+
 class BodyConfig(Settings):
     """An outline that is no disc.
 
@@ -76,9 +79,11 @@ class BodyConfig(Settings):
                 what = "needs" if key in needed else "has no"
                 raise setting_error(f"a {self.shape} {what} {key}", key)
         try:
-            self.outline()
+            smallest = min(self.outline().sides)
         except ValueError as error:
             raise setting_error(str(error), "points") from error
+        if smallest < _SMALLEST_BODY:
+            raise setting_error(f"a body is at least {_SMALLEST_BODY} m long and wide, got {smallest:g} m")
         return self
 
     @model_serializer(mode="plain")
@@ -352,7 +357,7 @@ class RobotConfig(Settings):
                 hint = did_you_mean(name, names) or (f"; it has {', '.join(names)}" if names else "; it has none")
                 raise setting_error(f"the drive {self.kinematics} has no parameter {name!r}{hint}", "drive", name)
         try:
-            given = {name: value for name, value in (self.drive or {}).items() if name in names}
+            given = {name: quantised(value) for name, value in (self.drive or {}).items() if name in names}
             parameters = TypeAdapter(kind).validate_python(given).parameters
         except ValidationError as error:
             first = error.errors()[0]

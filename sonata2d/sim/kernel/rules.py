@@ -45,7 +45,7 @@ def rules_of(scene: Scene, steps: int, fastest_person: float) -> Array:
         ROBOT_RADIUS: robot.radius,
         HOLONOMIC: robot.moves_sideways,
         COUPLED: drive_class(robot.kinematics).is_coupled,
-        OWN_SPEED: max(limits.ahead + limits.sideways, limits.back + limits.sideways),
+        OWN_SPEED: max(limits.ahead + limits.sideways, limits.back + limits.sideways, robot.top_speed),
         HUMAN_RANGE: max([fastest_person, *speeds]) * rules.dt + rules.contact_distance,
     }
     return np.array([float(values[k]) for k in range(len(values))])

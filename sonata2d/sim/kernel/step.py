@@ -39,6 +39,7 @@ from .rules import (
 )
 from .safety import Guard, find_near, limited
 
+_FASTEST = 1e6  # m/s and rad/s, beyond which a drive is broken
 MASS = 75.0  # kg, of a pedestrian
 TOUCHING = 0.01  # m, gap of outlines below which they press against each other
 MAXIMUM_DEPTH = 0.005  # m, of overlap that a pressed body causes by turning
@@ -121,6 +122,8 @@ def advance(packed_world: Any, vx: float, vy: float, omega: float, is_limited: b
         if is_limited:
             state, now = buffers.drive_state, robot[EXECUTED_VX : EXECUTED_OMEGA + 1]
             call(buffers.reach, (state.parameters, state.limits, state.memory, now, drive[:3], rules[TICK]))
+            if not (abs(drive[_VX]) < _FASTEST and abs(drive[_VY]) < _FASTEST and abs(drive[_OMEGA]) < _FASTEST):
+                raise ValueError("the robot's drive executes a velocity that is not finite; check its parameters")
         drive[_SUM_X], drive[_SUM_Y], drive[_SUM_OMEGA] = 0.0, 0.0, 0.0
         drive[_COS], drive[_SIN] = rotation(drive[_OMEGA] * h * 0.5)
         robot[GUARDED] = 0.0
@@ -141,7 +144,7 @@ def advance(packed_world: Any, vx: float, vy: float, omega: float, is_limited: b
         robot[EXECUTED_VX], robot[EXECUTED_VY] = drive[_SUM_X] / rules[SUBSTEPS], drive[_SUM_Y] / rules[SUBSTEPS]
         robot[EXECUTED_OMEGA] = robot[OMEGA] = drive[_OMEGA]
         if _is_shaped(buffers):
-            robot[EXECUTED_OMEGA] = drive[_SUM_OMEGA] / rules[SUBSTEPS]
+            robot[EXECUTED_OMEGA], robot[OMEGA] = drive[_SUM_OMEGA] / rules[SUBSTEPS], buffers.body.motion[2]
         copy_bodies(engine.bodies, robot, humans)
 
 
