@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import gymnasium
 import numpy as np
@@ -18,14 +18,16 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 from gymnasium.wrappers import NormalizeObservation
 
+from ..agents.sensors.base import Measure, SensorNoise
+from ..agents.sensors.lidar import Lidar as Sensor
 from ..core.arguments import finite_number, positive_number, whole_number
-from ..core.barrier_grid import packed_solids
 from ..core.files.limits import MAX_OBSERVATION, MAX_ROWS
 from ..core.furniture_types import OBJECT_TYPES
-from ..core.humans import BODY_X, BODY_Y, X, Y
-from ..core.portable_math import PI, Array, BoolArray, unit_vectors
-from ..core.rays import fill_bodies, measure_ranges, visible
+from ..core.portable_math import PI, Array, BoolArray
+from ..core.rays import visible
 from ..core.relations import ACTIVITIES, RELATIONS
+from ..core.rng import RandomStream
+from ..core.scene import Scene
 from ..core.wording import one_line
 from ..registry import did_you_mean
 from .env import Env, SocialNavEnv, base_of, wrappers_of
@@ -291,35 +293,56 @@ class Lidar(EpisodeWrapper):
 
     The parts about robot and goal only stay.
 
-    The rays end at all walls, pieces of furniture on the floor, and pedestrians in the room, whether these have rows
-    or not; so `Noise` and `FieldOfView` change no range. The first ray points straight ahead, the others follow
-    counter-clockwise at equal angles.
+    The part holds the readings of a `sonata2d.agents.Lidar`: the rays end at all walls, pieces of furniture on the
+    floor, and pedestrians in the room, whether these have rows or not; so `Noise` and `FieldOfView` change no range.
+    The first of rays all around points straight ahead, that of a smaller field of view to its right end; the others
+    follow counter-clockwise at equal angles.
 
     Args:
         env: with the dictionary of `SocialNavEnv`.
         rays: their number.
-        distance: range, m, which is also the value of a ray that meets nothing.
+        distance: range, m, which is also the value of a ray that meets nothing or was lost.
         keep: whether the other parts of the observation stay.
+        angle: of the field of view, rad, its middle at `heading`.
+        mount: position of the scanner in the frame of the robot, m.
+        heading: of the scanner in the frame of the robot, rad.
+        noise: standard deviation of ranges, m; it depends on seed, episode and tick only.
+        dropout: probability that a ray is lost.
+        sees: of people, their bodies at the height of the shoulders, or two legs.
     """
 
-    def __init__(self, env: Env, rays: int = 72, distance: float = 10.0, keep: bool = False) -> None:
+    def __init__(
+        self, env: Env, rays: int = 72, distance: float = 10.0, keep: bool = False, *, angle: float = 2.0 * PI,
+        mount: tuple[float, float] = (0.0, 0.0), heading: float = 0.0, noise: float = 0.0, dropout: float = 0.0,
+        sees: Literal["bodies", "legs"] = "bodies",
+    ) -> None:  # fmt: skip
         rays, self._distance = whole_number("rays", rays, 1, MAX_ROWS), positive_number("distance", distance)
-        super().__init__(env, rays=rays, distance=self._distance, keep=keep)
+        place = tuple(mount) if isinstance(mount, (list, tuple)) else mount
+        others: dict[str, Any] = {"angle": angle, "mount": place, "noise": noise, "dropout": dropout, "sees": sees}
+        super().__init__(env, rays=rays, distance=self._distance, keep=keep, heading=heading, **others)
+        is_turn = positive_number("angle", angle) >= 2.0 * PI - 1e-9
+        middle = finite_number("heading", heading) + (PI if is_turn else 0.0)  # the sensor begins behind
+        self._sensor = Sensor(rays=rays, distance=self._distance, nearest=0.0, heading=middle, **others)
+        self._scene: Scene | None = None
+        self._measure: Measure | None = None
         space = self._parts()
         parts = [part.name for part in self._base.encoder.parts if part.about <= {"robot", "goal"}]
         self._kept = tuple(space.spaces) if keep else tuple(parts)
-        self._directions = unit_vectors(np.arange(rays, dtype=float) * (2.0 * PI / rays))
         box = spaces.Box(np.float32(0.0), np.float32(distance), (rays,), np.float32)
         self.observation_space = spaces.Dict({**{name: space[name] for name in self._kept}, "lidar": box})
 
     def observation(self, observation: Observation) -> Observation:
-        ranges = np.full(len(self._directions), self._distance)
-        solids, lines = packed_solids(self._base.scene.barriers).argument, np.empty((len(self._base.scene.humans), 5))
-        row, is_present, radius, shoulder = self._bodies()
-        lines = lines[: fill_bodies(row, is_present, radius, shoulder, lines)]
-        x, y, c, s = (float(row[column]) for column in (X, Y, BODY_X, BODY_Y))
-        measure_ranges(x, y, c, s, solids, lines, self._directions, ranges)
-        return {**{name: observation[name] for name in self._kept}, "lidar": ranges.astype(np.float32)}
+        scene, snapshot = self._base.scene, self._base.snapshot
+        if self._measure is None or scene is not self._scene:
+            self._scene, self._measure = scene, self._sensor.start(scene)
+        noise = SensorNoise(RandomStream(scene.seed, scene.episode, "sensors", f"{self._sensor.name}/{snapshot.tick}"))
+        ranges = self._measure(snapshot, noise).ranges
+        is_short = ranges < self._distance  # neither infinite nor lost
+        ranges = np.where(is_short, ranges, self._distance).astype(np.float32)
+        return {**{name: observation[name] for name in self._kept}, "lidar": ranges}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"_scene": None, "_measure": None}  # a copy begins its sensor again
 
 
 _NODE_TYPES = ("robot", "goal", "human", "object", "wall")

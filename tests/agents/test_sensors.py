@@ -93,19 +93,6 @@ def test_ranges_equal_those_of_separate_ray_casting(seed: int) -> None:
     np.testing.assert_allclose(np.linalg.norm(places, axis=1), reading.ranges[hits], atol=1e-12)
 
 
-def test_ranges_are_those_of_the_gymnasium_wrapper() -> None:
-    pytest.importorskip("gymnasium")
-    from sonata2d.gym.wrappers import Lidar as Wrapper
-
-    env = Wrapper(s2.gym.SocialNavEnv("sonata-2020"), rays=36, distance=5.0)
-    observation, _ = env.reset(seed=3)
-    snapshot = env.unwrapped.snapshot
-    reading = Lidar(rays=36, distance=5.0).start(snapshot.scene)(snapshot, noise_of())
-    ranges = np.where(np.isfinite(reading.ranges), reading.ranges, 5.0)
-    ahead = np.roll(ranges, -18)  # the wrapper begins ahead
-    np.testing.assert_allclose(observation["lidar"], ahead, atol=1e-6)
-
-
 def test_a_field_of_view_spreads_the_rays_from_right_to_left() -> None:
     scene = furnished(0)
     reading = Lidar(rays=5, angle=math.pi).start(scene)(s2.Episode(scene).observe(), noise_of())

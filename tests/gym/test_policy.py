@@ -165,7 +165,7 @@ def test_a_description_gives_the_same_observations_and_actions(chain: str) -> No
 
 @pytest.mark.parametrize("preset", sorted(set(s2g.ENVIRONMENT_IDS.values())))
 def test_a_description_has_the_rows_of_its_scenario(preset: str) -> None:
-    env = s2g.Lidar(s2g.FieldOfView(s2g.SocialNavEnv(preset)))
+    env = s2g.Lidar(s2g.FieldOfView(s2g.SocialNavEnv(preset)), angle=3.0, mount=(0.2, 0.0), noise=0.01, sees="legs")
     again = environment_of(json.loads(json.dumps(describe(env))))
     assert again.observation_space == env.observation_space
     assert describe(again) == describe(env)

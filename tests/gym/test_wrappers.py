@@ -12,6 +12,7 @@ import pytest
 
 import sonata2d as s2
 import sonata2d.gym as s2g
+from sonata2d.agents import Lidar as Sensor
 from sonata2d.core.entities import Furniture, Human, Wall
 from sonata2d.core.geometry import Disc, Pose, Rectangle
 from sonata2d.gym.parts import Humans, Observation
@@ -186,6 +187,29 @@ def test_a_policy_with_lidar_sees_the_world_of_any_scenario() -> None:
     )
     np.testing.assert_array_equal(found, expected)
     assert found.min() < 2.0 < found.max()
+
+
+@pytest.mark.parametrize("angle", [2.0 * math.pi, math.pi])
+def test_lidar_gives_the_readings_of_the_sensor_of_a_controller(angle: float) -> None:
+    settings: dict[str, Any] = {"mount": (0.2, 0.1), "noise": 0.03, "dropout": 0.1, "sees": "legs"}
+    middle = 0.4 + (math.pi if angle > 4.0 else 0.0)  # the wrapper counts rays all around from ahead, not from behind
+    read = []
+
+    class Watcher(s2.Controller):
+        sensors = (Sensor(rays=36, angle=angle, distance=5.0, nearest=0.0, heading=middle, **settings),)
+
+        def act(self, snapshot: s2.Snapshot) -> s2.Twist:
+            read.append((snapshot, snapshot.sensors.lidar))
+            return s2.Twist(0.2)
+
+    episode = s2.Episode(s2.generate("sonata-2020", 3), Watcher())
+    env = s2g.Lidar(s2g.SocialNavEnv("sonata-2020"), rays=36, distance=5.0, angle=angle, heading=0.4, **settings)
+    for _ in range(3):
+        episode.step()
+        snapshot, reading = read[-1]
+        expected = np.where(reading.ranges < 5.0, reading.ranges, 5.0).astype(np.float32)
+        np.testing.assert_array_equal(Pipeline(env).observe(snapshot)["lidar"], expected)
+        assert 5 < (expected < 5.0).sum() < 36
 
 
 def test_lidar_agrees_with_the_gaps_of_the_library() -> None:
