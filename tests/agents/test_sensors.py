@@ -333,6 +333,8 @@ def test_a_costmap_marks_what_the_scan_meets_and_its_surroundings() -> None:
     assert cost[at - 10] == 0
     assert cost[: at - 8] == sorted(cost[: at - 8])
     assert grid.at(np.array([[10.0, 0.0]])).tolist() == [0]
+    small = costmap(reading, size=3.6, resolution=0.1, radius=0.3, inflation=0.8)  # ends 0.2 m before the wall
+    assert small.at(np.array([[1.75, 0.02]]))[0] >= 250
 
 
 def test_people_who_sit_are_seen() -> None:

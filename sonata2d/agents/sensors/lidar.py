@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...core.arguments import finite_number, positive_number, whole_number
 from ...core.barrier_grid import packed_solids
+from ...core.compiled.kernel import kernel
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
-from ...core.portable_math import PI, Array, exp, unit_vector, unit_vectors
+from ...core.portable_math import PI, Array, IntArray, exp, unit_vector, unit_vectors
 from ...core.rays import fill_bodies, measure_ranges
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
@@ -187,19 +188,27 @@ def costmap(
     """
     resolution = positive_number("resolution", resolution)
     count = max(round(positive_number("size", size) / resolution), 1)
-    points = reading.points
-    cells = np.floor(points / resolution + 0.5 * count).astype(int)
-    cells = np.unique(cells[((cells >= 0) & (cells < count)).all(axis=1)], axis=0)
     cost, reach = np.zeros((count, count), dtype=np.uint8), math.ceil(inflation / resolution)
-    offsets = np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1).T
-    distance = resolution * lengths(offsets.astype(float))
+    distance = resolution * lengths(np.moveaxis(np.mgrid[-reach : reach + 1, -reach : reach + 1], 0, -1).astype(float))
     prices = np.where(distance <= radius, 253.0, 252.0 * exp(-decay * np.maximum(distance - radius, 0.0)))
-    is_near = distance <= inflation
-    for offset, price in zip(offsets[is_near], prices[is_near], strict=True):
-        if price >= 1.0 and len(cells):
-            at = cells + offset
-            at = at[((at >= 0) & (at < count)).all(axis=1)]
-            cost[tuple(at.T)] = np.maximum(cost[tuple(at.T)], np.uint8(price))
-    if len(cells):
-        cost[tuple(cells.T)] = 254
+    prices = np.where(distance <= inflation, prices, 0.0).astype(np.uint8)
+    prices[reach, reach] = 254
+    cells = np.unique(np.floor(reading.points / resolution + 0.5 * count).astype(np.int64), axis=0)
+    _inflate(cells, prices, cost)
     return Costmap(cost, resolution)
+
+
+@kernel
+def _inflate(cells: IntArray, prices: NDArray[np.uint8], cost: NDArray[np.uint8]) -> None:
+    """Raise the cost of cells around occupied cells.
+
+    Args:
+        cells: (C, 2), indices of the occupied ones, which may be outside of the grid.
+        prices: (2 K + 1, 2 K + 1), cost of the cells around an occupied one, which is in the middle.
+        cost: (N, N), of all cells; it is raised to the highest price.
+    """
+    count, reach = len(cost), len(prices) // 2
+    for k in range(len(cells)):
+        for i in range(max(cells[k, 0] - reach, 0), min(cells[k, 0] + reach + 1, count)):
+            for j in range(max(cells[k, 1] - reach, 0), min(cells[k, 1] + reach + 1, count)):
+                cost[i, j] = max(cost[i, j], prices[i - cells[k, 0] + reach, j - cells[k, 1] + reach])
