@@ -39,7 +39,6 @@ from sonata2d.agents.sensors.lidar import LidarReading
 from sonata2d.core.entities import Furniture, Goal, Human, Limits, Robot, Wall
 from sonata2d.core.floats import FloatFields
 from sonata2d.core.geometry import Disc, Rectangle
-from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Rules
 from sonata2d.errors import ConfigError, RenderError
 from sonata2d.gym.description import describe
@@ -110,8 +109,7 @@ def mapping() -> s2a.DeviceMapping:
 @cache
 def scan() -> LidarReading:
     """A scan of the first scene."""
-    noise = SensorNoise(RandomStream(1, 0, "sensors"))
-    return s2a.Lidar(rays=60).start(scene())(snapshots()[0], noise)  # type: ignore[no-any-return]
+    return s2a.Lidar(rays=60).start(scene())(snapshots()[0], SensorNoise(scene(), "lidar", 0))  # type: ignore[no-any-return]
 
 
 class Driving(s2.Controller):

@@ -25,6 +25,7 @@ _STREAM_NAMES: tuple[StreamName, ...] = get_args(StreamName)
 _ULP = 1.0 / 9007199254740992.0  # 2 ** -53, the spacing of 53-bit fractions
 _MAX_DRAWS = 10_000
 _POISSON_STEP = 30.0  # largest mean that is drawn at once: exp(-mean) must not vanish
+_TERMS = 12  # of a sum of uniform numbers whose variance is 1
 
 
 class RandomStream:
@@ -54,6 +55,14 @@ class RandomStream:
         """Floats in [0, 1), equal to as many calls of `uniform`; (count,)."""
         fractions: Any = (self._bits.random_raw(count) >> np.uint64(11)) * _ULP
         return np.asarray(fractions, dtype=np.float64)
+
+    def normals(self, count: int) -> Array:
+        """Floats with mean 0 and standard deviation 1, nearly normally distributed, within ±6; (count,).
+
+        Sums of twelve uniform numbers, which have the same bits on every processor; faster than `normal`.
+        """
+        sums: Array = np.add.reduce(self.uniforms(_TERMS * count).reshape(_TERMS, count), axis=0)
+        return sums - _TERMS / 2
 
     def integer(self, low: int, high: int) -> int:
         """An integer from low to high, both included."""

@@ -26,7 +26,6 @@ from ..core.furniture_types import OBJECT_TYPES
 from ..core.portable_math import PI, Array, BoolArray
 from ..core.rays import visible
 from ..core.relations import ACTIVITIES, RELATIONS
-from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..core.wording import one_line
 from ..registry import did_you_mean
@@ -335,8 +334,7 @@ class Lidar(EpisodeWrapper):
         scene, snapshot = self._base.scene, self._base.snapshot
         if self._measure is None or scene is not self._scene:
             self._scene, self._measure = scene, self._sensor.start(scene)
-        noise = SensorNoise(RandomStream(scene.seed, scene.episode, "sensors", f"{self._sensor.name}/{snapshot.tick}"))
-        ranges = self._measure(snapshot, noise).ranges
+        ranges = self._measure(snapshot, SensorNoise(scene, self._sensor.name, snapshot.tick)).ranges
         is_short = ranges < self._distance  # neither infinite nor lost
         ranges = np.where(is_short, ranges, self._distance).astype(np.float32)
         return {**{name: observation[name] for name in self._kept}, "lidar": ranges}

@@ -16,7 +16,6 @@ from sonata2d.agents.sensors.base import SensorNoise, SensorSuite
 from sonata2d.core.entities import Furniture, Wall
 from sonata2d.core.geometry import Disc, Polygon, Pose, Rectangle, Twist
 from sonata2d.core.portable_math import Array
-from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.datasets import verify
@@ -37,7 +36,7 @@ def furnished(seed: int) -> Scene:
 
 
 def noise_of(seed: int = 0) -> SensorNoise:
-    return SensorNoise(RandomStream(seed, 0, "sensors", "test"))
+    return SensorNoise(room(seed=seed), "test", 0)
 
 
 def cast(snapshot: Snapshot, origin: Array, angle: Array, maximum: float) -> Array:

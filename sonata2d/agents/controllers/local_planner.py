@@ -23,7 +23,7 @@ from ...core.rng import RandomStream
 from ...core.scene import Scene
 from ...core.vectors import X, Y, length
 from ..drives.base import drive_of, drive_state
-from ..sensors.base import Sensor, SensorNoise
+from ..sensors.base import Sensor
 from ..sensors.estimates import Odometry, OdometryReading
 from ..sensors.lidar import Lidar, LidarReading
 from .base import Controller
@@ -382,7 +382,7 @@ class Mppi(LocalPlanner):
         if self._count % 2 == 1:  # a step is two ticks
             self._nominal = np.concatenate((self._nominal[1:], self._nominal[-1:]))
         self._count += 1
-        noise = SensorNoise(self._noise).normals(self.samples * STEPS * 3).reshape(self.samples, STEPS, 3)
+        noise = self._noise.normals(self.samples * STEPS * 3).reshape(self.samples, STEPS, 3)
         for t in range(1, STEPS):  # slowly changing
             noise[:, t] = 0.8 * noise[:, t - 1] + 0.6 * noise[:, t]
         commands = self._nominal + noise * (_SPREAD * (self._high - self._low))

@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NoReturn
 
 import numpy as np
@@ -22,30 +23,30 @@ from ...core.snapshot import RobotState, Snapshot
 from ...errors import ControllerError
 from ...registry import did_you_mean
 
-_UNIFORMS = 12  # whose sum has the variance 1
-
 
 class SensorNoise:
     """Random numbers of one sensor at one tick: they do not depend on other ticks or sensors.
 
     Args:
-        stream: of uniform random numbers.
+        scene: of the episode, whose seed and index the numbers depend on.
+        sensor: its name.
+        tick: of the measurement.
     """
 
-    def __init__(self, stream: RandomStream) -> None:
-        self._stream = stream
+    def __init__(self, scene: Scene, sensor: str, tick: int) -> None:
+        self._scene, self._name = scene, f"{sensor}/{tick}"
+
+    @cached_property
+    def _stream(self) -> RandomStream:  # many sensors need none, and its start costs more than a scan
+        return RandomStream(self._scene.seed, self._scene.episode, "sensors", self._name)
 
     def uniforms(self, count: int) -> Array:
         """(count,), in [0, 1)."""
         return self._stream.uniforms(count)
 
     def normals(self, count: int) -> Array:
-        """(count,), with mean 0 and standard deviation 1, at most 6 in size.
-
-        Sums of twelve uniform numbers: they have the same bits on every processor.
-        """
-        sums: Array = np.add.reduce(self._stream.uniforms(_UNIFORMS * count).reshape(_UNIFORMS, count), axis=0)
-        return sums - 6.0
+        """(count,), with mean 0 and standard deviation 1, within ±6."""
+        return self._stream.normals(count)
 
     def poisson(self, mean: float) -> int:
         """A count from the Poisson distribution."""
@@ -189,9 +190,7 @@ class SensorSuite:
             for k, sensor in enumerate(self._sensors):
                 is_due = snapshot.tick % self._every[k] == 0
                 if is_due or sensor.sees_all_ticks:
-                    name = f"{sensor.name}/{snapshot.tick}"
-                    noise = SensorNoise(RandomStream(self._scene.seed, self._scene.episode, "sensors", name))
-                    reading = self._measure[k](snapshot, noise)
+                    reading = self._measure[k](snapshot, SensorNoise(self._scene, sensor.name, snapshot.tick))
                     if is_due:
                         self._waiting[k].append((snapshot.tick + self._late[k], reading))
                 while self._waiting[k] and self._waiting[k][0][0] <= snapshot.tick:
