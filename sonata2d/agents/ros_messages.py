@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +22,7 @@ from .sensors.estimates import OdometryReading, PeopleReading
 from .sensors.lidar import LidarReading
 
 T = TypeVar("T")
+_JSON_NAMES = {float: "a number", int: "a whole number", str: "a string"}
 
 
 @dataclass
@@ -210,19 +211,20 @@ class LaserScan:
     intensities: list[float] = field(default_factory=list)
 
     @classmethod
-    def of(cls, reading: LidarReading, dt: float, frame_id: str = "laser") -> LaserScan:
+    def of(cls, reading: LidarReading, dt: float, frame_id: str = "laser", scan_time: float | None = None) -> LaserScan:
         """A reading of `sonata2d.agents.Lidar`; the frame lies at its mount, with the axes of the robot.
 
         Args:
             reading: the reading.
             dt: tick, s.
             frame_id: name of the frame.
+            scan_time: time between scans, s; of a `Lidar` with a rate, 1 / rate. None: one tick.
         """
         angles, count = reading.angles.tolist(), len(reading.angles)
         increment = (angles[-1] - angles[0]) / (count - 1) if count > 1 else 0.0
         sizes = reading.range_min, reading.range_max
         stamp = Header(Time.of(reading.tick * dt), frame_id)
-        return cls(stamp, angles[0], angles[-1], increment, 0.0, dt, *sizes, reading.ranges.tolist())
+        return cls(stamp, angles[0], angles[-1], increment, 0.0, scan_time or dt, *sizes, reading.ranges.tolist())
 
 
 @dataclass
@@ -259,14 +261,19 @@ class People:
 
 
 def to_json(message: Any) -> str:
-    """A message as JSON. Numbers that JSON does not have are null, as in rosbridge."""
+    """A message as JSON.
+
+    Infinite numbers and NaN are null, as in rosbridge, and are read as NaN; numbers and arrays of NumPy are allowed.
+    """
     return json.dumps(_finite(asdict(message)), separators=(",", ":"))
 
 
 def _finite(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
+    if isinstance(value, (np.generic, np.ndarray)):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
         return [_finite(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
@@ -275,18 +282,24 @@ def from_json(kind: type[T], text: str | bytes) -> T:
     """A message of a class from JSON; keys that are missing have their default.
 
     Raises:
-        ValueError: the text is no JSON object, or it has keys that are no fields of the message.
+        ValueError: the text is no JSON object, or it has keys that are no fields of the message, or values of other
+            types.
     """
     message: T = _message(kind, json.loads(text), kind.__name__)
     return message
 
 
 def _message(kind: Any, values: Any, place: str) -> Any:
+    if get_origin(kind) is list:
+        if not isinstance(values, list):
+            raise ValueError(f"{place} must be a JSON array, got {values!r:.60}")
+        return [_message(get_args(kind)[0], value, f"{place}[{k}]") for k, value in enumerate(values)]
     if not is_dataclass(kind):
-        if isinstance(values, list):
-            (item,) = get_args(kind) or (None,)
-            return [_message(item, value, place) for value in values]
-        return math.nan if values is None else values
+        if kind is float and (values is None or type(values) is int):
+            return math.nan if values is None else float(values)
+        if type(values) is not kind:
+            raise ValueError(f"{place} must be {_JSON_NAMES[kind]}, got {values!r:.60}")
+        return values
     if not isinstance(values, dict):
         raise ValueError(f"{place} must be a JSON object, got {values!r:.60}")
     make: Any = kind

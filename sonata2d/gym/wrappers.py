@@ -18,7 +18,7 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 from gymnasium.wrappers import NormalizeObservation
 
-from ..agents.sensors.base import Measure, SensorNoise
+from ..agents.sensors.base import Measure, SensorNoise, angle_of_view
 from ..agents.sensors.lidar import Lidar as Sensor
 from ..core.arguments import finite_number, positive_number, whole_number
 from ..core.files.limits import MAX_OBSERVATION, MAX_ROWS
@@ -268,9 +268,7 @@ class FieldOfView(EpisodeWrapper):
     def __init__(
         self, env: Env, angle: float = 2.0 * math.pi / 3.0, distance: float = 10.0, occlusion: bool = True
     ) -> None:
-        angle, distance = positive_number("angle", angle), positive_number("distance", distance)
-        if angle > 2.0 * math.pi:
-            raise ValueError(f"angle must be at most 2 pi, got {angle!r}")
+        angle, distance = angle_of_view(angle), positive_number("distance", distance)
         super().__init__(env, angle=angle, distance=distance, occlusion=occlusion)
         self._parts()
         self._cosine, self._distance, self._occlusion = math.cos(angle / 2.0), distance, occlusion
@@ -319,7 +317,7 @@ class Lidar(EpisodeWrapper):
         place = tuple(mount) if isinstance(mount, (list, tuple)) else mount
         others: dict[str, Any] = {"angle": angle, "mount": place, "noise": noise, "dropout": dropout, "sees": sees}
         super().__init__(env, rays=rays, distance=self._distance, keep=keep, heading=heading, **others)
-        is_turn = positive_number("angle", angle) >= 2.0 * PI - 1e-9
+        is_turn = angle_of_view(angle) >= 2.0 * PI - 1e-9
         middle = finite_number("heading", heading) + (PI if is_turn else 0.0)  # the sensor begins behind
         self._sensor = Sensor(rays=rays, distance=self._distance, nearest=0.0, heading=middle, **others)
         self._scene: Scene | None = None

@@ -34,7 +34,8 @@ def renderer_for(controller: Controller) -> Renderer | None:
     Returns:
         `sonata2d.view.image_of`; None, without importing pygame, if the controller requests no images.
     """
-    if controller.image is None and not any(getattr(sensor, "request", None) for sensor in controller.sensors):
+    sensors = controller.sensors if isinstance(controller.sensors, Sequence) else ()  # SensorSuite refuses others
+    if controller.image is None and not any(getattr(sensor, "request", None) for sensor in sensors):
         return None
     from ..view.painter import image_of
 

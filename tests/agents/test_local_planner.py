@@ -10,7 +10,7 @@ import orjson
 import pytest
 
 import sonata2d as s2
-from sonata2d.agents import Dwa, Lidar, Mppi, Odometry
+from sonata2d.agents import Dwa, Lidar, Mppi, Odometry, PeopleDetector
 from sonata2d.agents.controllers.local_map import CELL, add_scan, find_way, local_map
 from sonata2d.core.entities import Furniture, Robot
 from sonata2d.core.geometry import Pose, Rectangle
@@ -67,8 +67,32 @@ def test_settings_are_recorded_and_restored() -> None:
     assert (again.samples, again.temperature, again.sensors) == (64, 0.5, sensors)
     with pytest.raises(ValueError, match="samples"):
         Mppi(samples=1)
-    with pytest.raises(ValueError, match="Dwa needs a Lidar and an Odometry"):
-        Dwa(sensors=(Lidar(),))
+    front = Lidar("front")
+    for sensors in ((), (front,), (front, Lidar("rear"), Odometry()), (front, Odometry(), PeopleDetector()), front):
+        with pytest.raises(ValueError, match="sensors of Dwa are one Lidar and one Odometry"):
+            Dwa(sensors=sensors)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("late", [{"latency": 0.3}, {"rate": 2.0}])
+def test_scans_lie_where_the_robot_was_though_the_odometry_is_late(late: dict[str, float]) -> None:
+    exact = Odometry(translation=0.0, rotation=0.0, skid=0.0, **late)  # type: ignore[arg-type]
+    errors: list[float] = []
+
+    class Watched(Dwa):
+        def act(self, snapshot: Any) -> s2.Twist:
+            twist, pose = super().act(snapshot), episode.snapshot().robot.pose
+            if snapshot.sensors.odometry is not None:
+                r, places = self._rollouts.value, snapshot.sensors.lidar.points.tolist()
+                expected = [pose.to_world((x, y)) for x, y in places]
+                errors.append(float(np.abs(r.points[: r.number[0]] - expected).max()))
+            return twist
+
+    planner = Watched(sensors=(Lidar(rays=180, distance=8.0), exact))
+    episode = s2.Episode(s2.generate("sonata-2020", 2), planner)
+    for _ in range(35):
+        episode.step()
+    assert len(errors) > 30
+    assert max(errors) < 0.01
 
 
 def test_sensors_of_other_names_rates_and_mounts_are_used() -> None:

@@ -33,6 +33,8 @@ def test_a_scan_has_the_angles_and_ranges_of_the_reading(readings: Any) -> None:
     np.testing.assert_allclose(angles, readings.lidar.angles, atol=1e-12)
     np.testing.assert_array_equal(scan.ranges, readings.lidar.ranges)
     assert scan.range_max == 3.0
+    assert scan.scan_time == 0.1
+    assert ros.LaserScan.of(readings.lidar, 0.1, scan_time=0.2).scan_time == 0.2
 
 
 def test_odometry_and_people_keep_their_numbers(readings: Any) -> None:
@@ -77,6 +79,29 @@ def test_json_holds_what_was_written_and_has_no_infinities(readings: Any) -> Non
     np.testing.assert_array_equal(np.array(again.ranges)[finite], np.array(scan.ranges)[finite])
     people = ros.People.of(readings.people_detector, 0.1)
     assert asdict(ros.from_json(ros.People, ros.to_json(people))) == asdict(people)
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "message"),
+    [
+        (ros.Twist, '{"linear": {"x": "fast"}}', "Twist.linear.x must be a number, got 'fast'"),
+        (ros.Twist, '{"linear": {"x": [1, 2]}}', "Twist.linear.x must be a number, got"),
+        (ros.LaserScan, '{"ranges": "abc"}', "LaserScan.ranges must be a JSON array, got 'abc'"),
+        (ros.LaserScan, '{"ranges": [1, "b"]}', r"LaserScan.ranges\[1\] must be a number, got 'b'"),
+        (ros.Odometry, '{"child_frame_id": null}', "Odometry.child_frame_id must be a string, got None"),
+        (ros.Header, '{"stamp": {"sec": null}}', "Header.stamp.sec must be a whole number, got None"),
+    ],
+)
+def test_json_with_values_of_other_types_is_refused(kind: type, text: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        ros.from_json(kind, text)
+
+
+def test_numbers_of_numpy_are_written() -> None:
+    message: Any = ros.Twist(ros.Vector3(x=np.float32(0.5)))  # type: ignore[arg-type]
+    assert ros.from_json(ros.Twist, ros.to_json(message)).in_plane == geometry.Twist(0.5)
+    scan: Any = ros.LaserScan(ranges=np.array([1.0, np.inf]))  # type: ignore[arg-type]
+    assert json.loads(ros.to_json(scan))["ranges"] == [1.0, None]
 
 
 def test_json_with_other_keys_is_refused() -> None:

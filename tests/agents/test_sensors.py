@@ -20,6 +20,7 @@ from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.datasets import verify
 from sonata2d.errors import ControllerError
+from sonata2d.sim.episode import renderer_for
 
 from ..conftest import room, walker
 
@@ -122,6 +123,9 @@ def test_noise_and_dropouts_have_the_given_size_and_the_same_bits() -> None:
     lost = np.isnan(ranges)
     assert lost.mean() == pytest.approx(0.1, abs=0.02)
     errors = (ranges - exact)[np.isfinite(ranges) & (exact > 0.2)]
+    short = Lidar(rays=2000, noise=0.1, distance=2.0).start(scene)(snapshot, noise_of())
+    assert short.ranges[np.isfinite(short.ranges)].max() == 2.0
+    assert Lidar(angle=float(np.float32(2.0 * math.pi))).start(scene)(snapshot, noise_of()).angles[1] > -math.pi
     assert errors.std() == pytest.approx(0.03, rel=0.1)
     assert abs(errors.mean()) < 0.004
 
@@ -295,17 +299,26 @@ def test_a_camera_takes_the_picture_that_image_requests() -> None:
     ("make", "message"),
     [
         (lambda: Lidar(rays=0), "rays"),
-        (lambda: Lidar(angle=7.0), "angle must be at most 2 pi, got 7.0"),
+        (lambda: Lidar(angle=7.0), "angle must be at most 2 pi, in rad, got 7.0"),
         (lambda: Lidar(dropout=1.5), "dropout is a probability, got 1.5"),
         (lambda: Lidar(sees="shoes"), "sees must be bodies or legs, got 'shoes'"),  # type: ignore[arg-type]
         (lambda: Lidar(rate=0.0), "rate must be positive, got 0.0"),
         (lambda: Lidar("front lidar"), "attribute of snapshot.sensors, got 'front lidar'"),
         (lambda: Odometry(skid=-1.0), "skid"),
         (lambda: PeopleDetector(misses=2.0), "misses is a probability, got 2.0"),
+        (lambda: PeopleDetector(angle=120), "angle must be at most 2 pi, in rad, got 120"),
+        (lambda: FieldOfView(angle=120), "angle must be at most 2 pi, in rad, got 120"),
+        (lambda: PeopleDetector(false_alarms=1e9), "false_alarms must be at most 1000"),
+        (lambda: Lidar(180), "attribute of snapshot.sensors, got 180"),  # type: ignore[arg-type]
+        (lambda: Lidar(nearest=20.0), "nearest must be below distance, got 20.0 and 10.0"),
+        (lambda: Camera(width=0), "width"),
+        (lambda: Camera(height=64.5), "height"),  # type: ignore[arg-type]
+        (lambda: Camera(view="front"), "view must be follow or top, got 'front'"),  # type: ignore[arg-type]
+        (lambda: Camera(view_range=math.nan), "view_range"),
     ],
 )
 def test_settings_of_sensors_are_checked(make: Callable[[], Sensor], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((TypeError, ValueError), match=message):
         make()
 
 
@@ -333,6 +346,13 @@ def test_a_costmap_marks_what_the_scan_meets_and_its_surroundings() -> None:
     assert cost[: at - 8] == sorted(cost[: at - 8])
     assert grid.at(np.array([[10.0, 0.0]])).tolist() == [0]
     small = costmap(reading, size=3.6, resolution=0.1, radius=0.3, inflation=0.8)  # ends 0.2 m before the wall
+    wrong: Any
+    for wrong in ([0.5, 0.0], [[0.5, 0.0, 0.0]], [[math.nan, 0.0]]):
+        with pytest.raises(ValueError, match=r"points must be finite positions in rows, \(P, 2\)"):
+            grid.at(wrong)
+    for wrong in ({"radius": -0.3}, {"inflation": math.nan}, {"decay": -5.0}):
+        with pytest.raises(ValueError, match=next(iter(wrong))):
+            costmap(reading, **wrong)
     assert small.at(np.array([[1.75, 0.02]]))[0] >= 250
 
 
@@ -375,7 +395,7 @@ def test_misuse_of_sensors_says_what_to_write() -> None:
 
     scene = s2.generate("sonata-2020", 2)
     with pytest.raises(ControllerError, match=r"write sensors = \(Lidar\(\),\)"):
-        s2.Episode(scene, One())
+        s2.Episode(scene, One(), renderer=renderer_for(One()))
     with pytest.raises(ControllerError, match="it cannot be partial"):
         s2.Episode(scene, PartialPlanner())
     with pytest.raises(ValueError, match=r"attribute of snapshot.sensors, got 'keys'"):

@@ -206,17 +206,19 @@ class LocalPlanner(Controller):
     partial = True
 
     def __init__(self, sensors: Sequence[Sensor] | None = None) -> None:
-        self.sensors = tuple(sensors or (Lidar(rays=180, distance=8.0, noise=0.01), Odometry()))
+        standard = (Lidar(rays=180, distance=8.0, noise=0.01), Odometry())
+        self.sensors = tuple(standard if sensors is None else () if isinstance(sensors, Sensor) else sensors)
         names = [[each.name for each in self.sensors if isinstance(each, kind)] for kind in (Lidar, Odometry)]
-        if not all(names):
-            raise ValueError(f"{type(self).__name__} needs a Lidar and an Odometry, got {self.sensors!r:.100}")
+        if [len(each) for each in names] != [1, 1] or len(self.sensors) != 2:
+            raise ValueError(f"sensors of {type(self).__name__} are one Lidar and one Odometry, got {sensors!r:.100}")
         self._lidar, self._odometry = names[0][0], names[1][0]
 
     def reset(self, scene: Scene) -> None:
         robot, goal = scene.robot, scene.goal
         self._map = local_map(robot.pose.position, goal.position)
         self._goal, self._tick, self._places = goal, -1, 0
-        self._poses: dict[int, Pose] = {}  # by tick, of the odometry
+        self._past: dict[int, OdometryReading] = {}  # by tick
+        self._executed: dict[int, Twist] = {}  # in the tick that ends with that number
         self._radius = float(robot.outline.inradius)
         outline = robot.outline
         drive = self._drive = drive_of(robot)
@@ -251,15 +253,12 @@ class LocalPlanner(Controller):
 
     def act(self, snapshot: Any) -> Twist:
         scan, odometry = (getattr(snapshot.sensors, name) for name in (self._lidar, self._odometry))
-        r = self._rollouts.value
+        r, executed = self._rollouts.value, snapshot.robot.executed
+        self._executed[snapshot.tick] = executed
         if scan is None or odometry is None:
             return Twist()
-        self._look(scan, odometry, snapshot.tick)
-        executed, pose, late = snapshot.robot.executed, odometry.pose, (snapshot.tick - odometry.tick) * snapshot.dt
-        if late > 0.0:
-            twist = odometry.twist
-            x, y = pose.to_world((twist.vx * late, twist.vy * late))
-            pose = Pose(x, y, pose.theta + twist.omega * late)
+        self._look(scan, odometry, snapshot)
+        pose = self._pose_at(snapshot.tick, snapshot.dt)
         r.state[:] = pose.x, pose.y, *pose.direction, executed.vx, executed.vy, executed.omega
         memory = self._drive.memory_of(r.parameters, r.state[4:7])
         if memory is not None:  # the wheels stand as the robot moves, whoever has driven it there
@@ -289,21 +288,34 @@ class LocalPlanner(Controller):
     def _plan(self) -> Array:
         """The next command, (3,)."""
 
-    def _look(self, scan: LidarReading, odometry: OdometryReading, tick: int) -> None:
+    def _look(self, scan: LidarReading, odometry: OdometryReading, snapshot: Any) -> None:
         """Add a scan to the map, and find the way anew from time to time."""
         r = self._rollouts.value
-        self._poses[odometry.tick] = odometry.pose
+        self._past[odometry.tick] = odometry
         if scan.tick > self._tick:
-            self._add(scan)
-        if tick % _REPLANNING_INTERVAL == 0:
+            self._add(scan, snapshot.dt)
+        if snapshot.tick % _REPLANNING_INTERVAL == 0:
             goal = float(r.numbers[1]), float(r.numbers[2])
             find_way(self._map.low, self._map.evidence, self._map.price, self._map.value, self._radius, *goal)
 
-    def _add(self, scan: LidarReading) -> None:
+    def _pose_at(self, tick: int, dt: float) -> Pose:
+        """Estimated pose at a tick: the last odometry of that time, continued by the twists executed since then."""
+        before = max((k for k in self._past if k <= tick), default=min(self._past))
+        reading = self._past[before]
+        pose = reading.pose
+        for k in range(before + 1, tick + 1):
+            twist = self._executed.get(k, reading.twist)  # ticks in which another controller drove have none
+            middle = Pose(pose.x, pose.y, pose.theta + twist.omega * dt / 2.0)
+            pose = Pose(*middle.to_world((twist.vx * dt, twist.vy * dt)), pose.theta + twist.omega * dt)
+        return pose
+
+    def _add(self, scan: LidarReading, dt: float) -> None:
         """Add a scan to the map, from where the robot was when it was taken."""
-        r, before = self._rollouts.value, [tick for tick in self._poses if tick <= scan.tick]
-        self._tick, pose = scan.tick, self._poses[max(before, default=min(self._poses))]
-        self._poses = {tick: at for tick, at in self._poses.items() if tick >= max(before, default=0)}
+        r, pose = self._rollouts.value, self._pose_at(scan.tick, dt)
+        self._tick = scan.tick
+        oldest = max((k for k in self._past if k <= scan.tick), default=0)  # later scans need no more
+        self._past = {k: reading for k, reading in self._past.items() if k >= oldest}
+        self._executed = {k: twist for k, twist in self._executed.items() if k > oldest}
         is_hit, known = np.isfinite(scan.ranges), ~np.isnan(scan.ranges)
         ranges = np.where(is_hit, scan.ranges, scan.range_max)
         origin = pose.to_world(scan.mount)

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ...core.arguments import finite_number
+from ...core.arguments import finite_number, positive_number
 from ...core.devices import ImageRequest
 from ...core.floats import FloatFields
 from ...core.portable_math import Array
@@ -88,7 +88,7 @@ class Sensor(FloatFields, ABC):
         super().__post_init__()
         if not self.name:
             object.__setattr__(self, "name", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", type(self).__name__).lower())
-        if not self.name.isidentifier() or hasattr(Readings, self.name):
+        if not isinstance(self.name, str) or not self.name.isidentifier() or hasattr(Readings, self.name):
             raise ValueError(f"the name of a sensor is an attribute of snapshot.sensors, got {self.name!r}")
         if self.rate is not None and not self.rate > 0.0:
             raise ValueError(f"rate must be positive, got {self.rate}")
@@ -212,6 +212,17 @@ class CameraReading(Reading):
 def picture_taker(renderer: Renderer, request: ImageRequest) -> Measure:
     """The measurement of a camera."""
     return lambda snapshot, noise: CameraReading(snapshot.tick, renderer(snapshot, request))
+
+
+def angle_of_view(value: object) -> float:
+    """An angle that the argument `angle` must be, rad; 2 pi may be of single precision.
+
+    Raises:
+        ValueError: it is not within (0, 2 pi].
+    """
+    if (angle := positive_number("angle", value)) > 2.0 * math.pi + 1e-6:
+        raise ValueError(f"angle must be at most 2 pi, in rad, got {value!r}")
+    return angle
 
 
 def angles_of(count: int, angle: float) -> Array:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import get_args
 
+from ...core.arguments import positive_number, whole_number
 from ...core.devices import ImageRequest, View
 from ...core.scene import Scene
 from ...errors import ControllerError
 from .base import Measure, Sensor
+
+_MOST_PIXELS = 10_000  # in each direction
 
 
 @dataclass(frozen=True)
@@ -24,6 +28,14 @@ class Camera(Sensor):
     height: int = 120
     view: View = "follow"
     view_range: float = 5.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("width", "height"):
+            whole_number(name, getattr(self, name), 1, _MOST_PIXELS)
+        positive_number("view_range", self.view_range)
+        if self.view not in get_args(View):
+            raise ValueError(f"view must be {' or '.join(get_args(View))}, got {self.view!r}")
 
     @property
     def request(self) -> ImageRequest:

@@ -16,7 +16,9 @@ from ...core.portable_math import Array, IntArray, unit_vector, unit_vectors
 from ...core.rays import measure_ranges
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
-from .base import Measure, Reading, Sensor, SensorNoise
+from .base import Measure, Reading, Sensor, SensorNoise, angle_of_view
+
+_MOST_ALARMS = 1000
 
 
 @dataclass(frozen=True)
@@ -117,12 +119,14 @@ class PeopleDetector(Sensor):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("angle", "distance"):
-            positive_number(name, getattr(self, name))
+        angle_of_view(self.angle)
+        positive_number("distance", self.distance)
         for name in ("misses", "false_alarms", "noise", "velocity_noise"):
             finite_number(name, getattr(self, name), 0.0)
         if self.misses > 1.0:
             raise ValueError(f"misses is a probability, got {self.misses}")
+        if self.false_alarms > _MOST_ALARMS:
+            raise ValueError(f"false_alarms must be at most {_MOST_ALARMS}, got {self.false_alarms}")
 
     def start(self, scene: Scene) -> Measure:
         walls = walls_of(scene)
@@ -216,7 +220,7 @@ class FieldOfView(Sensor):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        positive_number("angle", self.angle)
+        angle_of_view(self.angle)
         positive_number("distance", self.distance)
 
     def start(self, scene: Scene) -> Measure:

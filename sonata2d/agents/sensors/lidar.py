@@ -19,7 +19,7 @@ from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...core.state import State
 from ...core.vectors import lengths
-from .base import Measure, Reading, Sensor, SensorNoise, angles_of
+from .base import Measure, Reading, Sensor, SensorNoise, angle_of_view, angles_of
 
 _MOST_RAYS = 100_000
 _LEG, _STANCE = 0.06, 0.1  # m, radius of a leg, and half the distance between the legs
@@ -83,15 +83,15 @@ class Lidar(Sensor):
     def __post_init__(self) -> None:
         super().__post_init__()
         whole_number("rays", self.rays, 1, _MOST_RAYS)
-        for name in ("angle", "distance"):
-            positive_number(name, getattr(self, name))
+        positive_number("distance", self.distance)
         for name in ("nearest", "noise", "dropout"):
             finite_number(name, getattr(self, name), 0.0)
         finite_number("heading", self.heading)
         if len(self.mount) != 2 if isinstance(self.mount, tuple) else True:
             raise ValueError(f"mount is a position (x, y) in the frame of the robot, got {self.mount!r}")
-        if self.angle > 2.0 * math.pi + 1e-9:
-            raise ValueError(f"angle must be at most 2 pi, got {self.angle}")
+        angle_of_view(self.angle)
+        if self.nearest >= self.distance:
+            raise ValueError(f"nearest must be below distance, got {self.nearest} and {self.distance}")
         if self.dropout > 1.0:
             raise ValueError(f"dropout is a probability, got {self.dropout}")
         if self.sees not in ("bodies", "legs"):
@@ -111,7 +111,7 @@ class Lidar(Sensor):
             is_hit = ranges < self.distance
             if self.noise > 0.0:
                 ranges = ranges + self.noise * noise.normals(self.rays)
-            ranges = np.where(is_hit, np.maximum(ranges, self.nearest), np.inf)
+            ranges = np.where(is_hit, np.clip(ranges, self.nearest, self.distance), np.inf)
             if self.dropout > 0.0:
                 ranges[noise.uniforms(self.rays) < self.dropout] = np.nan
             ranges.flags.writeable = False
@@ -166,7 +166,10 @@ class Costmap:
 
     def at(self, points: ArrayLike) -> NDArray[np.uint8]:
         """Cost at points in the frame of the robot, (P, 2), m; 0 outside of the grid."""
-        cells = np.floor((np.asarray(points, dtype=float) - self.origin) / self.resolution).astype(int)
+        places = np.asarray(points, dtype=float)
+        if places.ndim != 2 or places.shape[1] != 2 or not np.isfinite(places).all():
+            raise ValueError(f"points must be finite positions in rows, (P, 2), got {points!r:.80}")
+        cells = np.floor((places - self.origin) / self.resolution).astype(int)
         is_inside = ((cells >= 0) & (cells < len(self.cost))).all(axis=1)
         cost = np.zeros(len(cells), dtype=np.uint8)
         cost[is_inside] = self.cost[tuple(cells[is_inside].T)]
@@ -183,15 +186,16 @@ def costmap(
         reading: the scan.
         size, resolution: sides of the grid and of a cell, m.
         radius: inner radius of the robot, m; nearer cells cost 253.
-        inflation: distance from obstacles beyond which cells cost nothing, m.
+        inflation: distance from obstacles beyond which cells cost nothing, m; at least `radius`.
         decay: 1/m, of the cost between `radius` and `inflation`: 252 exp(-decay (distance - radius)).
     """
-    resolution = positive_number("resolution", resolution)
+    resolution, radius = positive_number("resolution", resolution), finite_number("radius", radius, 0.0)
+    inflation, decay = finite_number("inflation", inflation, 0.0), finite_number("decay", decay, 0.0)
     count = max(round(positive_number("size", size) / resolution), 1)
-    cost, reach = np.zeros((count, count), dtype=np.uint8), math.ceil(inflation / resolution)
+    cost, reach = np.zeros((count, count), dtype=np.uint8), math.ceil(max(inflation, radius) / resolution)
     distance = resolution * lengths(np.moveaxis(np.mgrid[-reach : reach + 1, -reach : reach + 1], 0, -1).astype(float))
     prices = np.where(distance <= radius, 253.0, 252.0 * exp(-decay * np.maximum(distance - radius, 0.0)))
-    prices = np.where(distance <= inflation, prices, 0.0).astype(np.uint8)
+    prices = np.where(distance <= max(inflation, radius), prices, 0.0).astype(np.uint8)
     prices[reach, reach] = 254
     cells = np.unique(np.floor(reading.points / resolution + 0.5 * count).astype(np.int64), axis=0)
     _inflate(cells, prices, cost)
