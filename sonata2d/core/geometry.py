@@ -251,7 +251,7 @@ class Stadium(Outline):
 class Polygon(Outline):
     """A convex polygon; the pose of the body is the origin of the corners' coordinates.
 
-    A polygon that is not convex, whose sides cross or whose corners are clockwise, raises a ValueError.
+    Clockwise corners, crossing sides and a shape that is not convex raise a ValueError.
 
     Attributes:
         points: the corners in the body frame, counter-clockwise, m; 3 to 16.

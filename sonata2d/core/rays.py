@@ -17,7 +17,8 @@ from .state import HUMAN_SIZE, ROBOT_SIZE
 @kernel
 def visible(
     row: Array, is_present: BoolArray, radius: Array, shoulder: Array, objects: Array, walls: Array,
-    human_rows: IntArray, object_rows: IntArray, cosine: float, distance: float, occlusion: bool, is_seen: BoolArray,
+    human_rows: IntArray, object_rows: IntArray, cosine: float, distance: float, occlusion: bool, ends: int,
+    is_seen: BoolArray,
 ) -> None:  # fmt: skip
     """Mark the entities that the robot sees; all others become unseen.
 
@@ -31,6 +32,7 @@ def visible(
         cosine: of half the angle of the field of view.
         distance: m.
         occlusion: whether walls and pedestrians hide others.
+        ends: 1: a pedestrian is seen if its centre or an end of its shoulder line is; 0: if its centre is.
         is_seen: (H + O,), true for rows that can be seen; false is written for entities that are not seen.
     """
     x, y, ahead_x, ahead_y = row[X], row[Y], row[BODY_X], row[BODY_Y]
@@ -39,8 +41,7 @@ def visible(
             continue
         is_seen[k] = False
         itself = human_rows[k] if k < len(human_rows) else -1  # a pedestrian does not hide itself
-        for end in range(-1, 2):
-            # A pedestrian is seen if its centre or an end of its shoulder line is, an object if its centre is.
+        for end in range(-ends, ends + 1):
             if itself >= 0:
                 at = ROBOT_SIZE + HUMAN_SIZE * itself
                 side = end * shoulder[itself]

@@ -25,7 +25,7 @@ _STREAM_NAMES: tuple[StreamName, ...] = get_args(StreamName)
 _ULP = 1.0 / 9007199254740992.0  # 2 ** -53, the spacing of 53-bit fractions
 _MAX_DRAWS = 10_000
 _POISSON_STEP = 30.0  # largest mean that is drawn at once: exp(-mean) must not vanish
-_TERMS = 12  # of a sum of uniform numbers whose variance is 1
+_TERMS = 12  # uniform numbers in a sum of variance 1
 
 
 class RandomStream:

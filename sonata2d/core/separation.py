@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from .compiled.kernel import kernel, subroutine
-from .compiled.scalar import inverse_square, length, to_line
+from .compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, inverse_square, length, to_line
 from .geometry import Shape
 from .portable_math import Array
 from .vectors import X, Y
@@ -128,6 +128,16 @@ def gap_to_line(
     separate(corners, line[0], line[1], line[2], line[3], found)
     gap: float = found[DISTANCE] - rounding - line[4]
     return gap
+
+
+@subroutine
+def gap_to_barrier(
+    core: Array, rounding: float, x: float, y: float, c: float, s: float, corners: Array, found: Array,
+    barriers: Array, k: int,
+) -> float:  # fmt: skip
+    """`gap_to_line` of barrier k, a row of `Barriers.table`."""
+    line = barriers[k, START_X], barriers[k, START_Y], barriers[k, END_X], barriers[k, END_Y], barriers[k, RADIUS]
+    return gap_to_line(core, rounding, x, y, c, s, corners, found, line)
 
 
 @kernel

@@ -414,7 +414,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
 
 
 def first_scene(scene_of: Callable[[int], Scene], number: int) -> Scene:
-    """The scene of an episode; episodes whose scenes have no layout are skipped.
+    """The scene of an episode, or of the next one if no layout is found for it.
 
     Args:
         scene_of: gives the scene of an episode by its number.

@@ -279,7 +279,7 @@ class FieldOfView(EpisodeWrapper):
         is_seen = np.concatenate((observation["humans_mask"], observation["objects_mask"])) > 0.0
         visible(
             *self._bodies(), encoder.objects, encoder.walls, encoder.rows.humans, encoder.rows.objects, self._cosine,
-            self._distance, self._occlusion, is_seen,
+            self._distance, self._occlusion, 1, is_seen,
         )  # fmt: skip
         encoder.hide(result, is_seen[:count], is_seen[count:])
         return result

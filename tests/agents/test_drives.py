@@ -170,7 +170,7 @@ def test_actions_have_a_sideways_axis_if_the_drive_has_one(name: str, axes: int)
 
 
 def test_worlds_begin_each_episode_with_straight_wheels() -> None:
-    """What a drive remembers does not outlive its episode."""
+    """The memory of a drive is cleared between episodes."""
     scenario = s2.ScenarioConfig(humans=0, robot={"kinematics": "bicycle"}, rules={"time_limit": 2.0})
     worlds = s2.Worlds([s2.generate(scenario, 1)])
     worlds.reset()

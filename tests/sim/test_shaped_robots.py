@@ -95,7 +95,7 @@ def scenario(name: str, kinematics: str, **rules: Any) -> s2.ScenarioConfig:
 @pytest.mark.parametrize("name", BODIES)
 @pytest.mark.parametrize("kinematics", ["holonomic", "unicycle", "differential", "omni", "bicycle"])
 def test_a_wild_robot_overlaps_with_nothing(name: str, kinematics: str) -> None:
-    """Walls and furniture never; people, who walk into it, by less than 2 cm."""
+    """There is no overlap with walls and furniture, and less than 2 cm with people who walk into the robot."""
     for seed in range(2):
         episode = s2.Episode(s2.generate(scenario(name, kinematics), seed), Wild())
         touched, worst = False, -1.0

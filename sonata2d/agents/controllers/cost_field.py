@@ -142,6 +142,22 @@ def _inside_outline(outline: Array, x: float, low: float, inside: BoolArray) -> 
 
 
 @subroutine
+def grid_coordinate(x: float, low: float, count: int) -> float:
+    """Fractional index of a coordinate in a grid of `count` cells, limited to the grid."""
+    return min(max((x - low) / CELL, 0.0), count - 1.001)
+
+
+@subroutine
+def interpolated(grid: Array, u: float, v: float) -> float:
+    """Bilinear interpolation of a grid, (NX, NY), at fractional indices."""
+    i, j = int(u), int(v)
+    u, v = u - i, v - j
+    near = grid[i, j] * (1.0 - v) + grid[i, j + 1] * v
+    far = grid[i + 1, j] * (1.0 - v) + grid[i + 1, j + 1] * v
+    return float(near * (1.0 - u) + far * u)
+
+
+@subroutine
 def solve(price: Array, value: Array, goal_i: int, goal_j: int) -> None:
     """Solve the eikonal equation by Jacobi sweeps.
 

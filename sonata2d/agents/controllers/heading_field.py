@@ -8,12 +8,12 @@ import math
 import numpy as np
 
 from ...core.compiled.kernel import kernel, subroutine
-from ...core.compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, angle_of, gap, unit_vector
+from ...core.compiled.scalar import angle_of, gap, unit_vector
 from ...core.entities import ANY_HEADING
 from ...core.humans import X, Y
 from ...core.portable_math import PI, Array, BoolArray
 from ...core.scene import Scene
-from ...core.separation import SEPARATION_SIZE, gap_to_line
+from ...core.separation import SEPARATION_SIZE, gap_to_barrier
 from ...core.vectors import wrap_angle
 from .cost_field import CELL, CLEARANCE, PRICE, CostField
 
@@ -39,7 +39,7 @@ def heading_field(scene: Scene, field: CostField) -> Array:
     differs by a third of a bin; and turns on the spot, where it fits with all of these.
 
     Args:
-        scene: gives the robot, the goal, walls, furniture, and people who stand.
+        scene: its robot, goal, walls, furniture and standing people are used.
         field: of the scene, with the prices of the ground.
 
     Source: lattice of poses; Latombe, Robot Motion Planning (1991), chapter 7; Dijkstra, Numer. Math. 1 (1959) 269.
@@ -131,9 +131,7 @@ def _gaps(
         nearest = math.inf
         for k in range(len(barriers)):
             if gap(barriers, k, x, y) < circumradius + _TURN_MARGIN:
-                ends = barriers[k, START_X], barriers[k, START_Y], barriers[k, END_X], barriers[k, END_Y]
-                line = (ends[0], ends[1], ends[2], ends[3], barriers[k, RADIUS])
-                nearest = min(nearest, gap_to_line(core, rounding, x, y, c, s, corners, found, line))
+                nearest = min(nearest, gap_to_barrier(core, rounding, x, y, c, s, corners, found, barriers, k))
         least, largest = min(least, nearest), max(largest, nearest)
     return least, largest
 

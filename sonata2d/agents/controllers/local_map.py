@@ -10,9 +10,8 @@ import numpy as np
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.portable_math import Array, BoolArray
 from ...core.vectors import X, Y
-from .cost_field import solve
+from .cost_field import CELL, grid_coordinate, interpolated, solve
 
-CELL = 0.1  # m, of the grid; as of `cost_field`
 _MARGIN = 8.0  # m, of the grid beyond start and goal
 _HIT, _PASSED = 1.0, 0.6  # evidence that a scan adds to cells in which rays end, and takes from those that they cross
 _OCCUPIED, _CERTAIN = 0.9, 4.0  # evidence above which a cell counts as occupied, and largest evidence
@@ -91,10 +90,4 @@ def find_way(low: Array, evidence: Array, price: Array, value: Array, radius: fl
 def value_at(low: Array, value: Array, x: float, y: float) -> float:
     """Cost of the cheapest path to the goal from a point, m: bilinear interpolation."""
     nx, ny = value.shape
-    u = min(max((x - low[X]) / CELL, 0.0), nx - 1.001)
-    v = min(max((y - low[Y]) / CELL, 0.0), ny - 1.001)
-    i, j = int(u), int(v)
-    u, v = u - i, v - j
-    near = value[i, j] * (1.0 - v) + value[i, j + 1] * v
-    far = value[i + 1, j] * (1.0 - v) + value[i + 1, j + 1] * v
-    return float(near * (1.0 - u) + far * u)
+    return interpolated(value, grid_coordinate(x, low[X], nx), grid_coordinate(y, low[Y], ny))

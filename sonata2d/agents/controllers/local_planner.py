@@ -28,8 +28,8 @@ from ..sensors.estimates import Odometry, OdometryReading
 from ..sensors.lidar import Lidar, LidarReading
 from .base import Controller
 from .local_map import add_scan, find_way, local_map, value_at
+from .planner import uses_sideways
 
-_LONG = 1.5  # ratio of the circles around and within an outline, above which it is long
 _TURNING = 3  # steps after which some trials of `Dwa` go straight
 _SPREAD = np.array([0.2, 0.2, 0.2])  # standard deviation of the samples of `Mppi`, fractions of the limits
 _AHEAD = 0.4  # m ahead of the end of a rollout, where the cost of the way is read as well
@@ -232,7 +232,6 @@ class LocalPlanner(Controller):
                 drive.address(), state.parameters, state.limits, state.memory, np.zeros(7), np.zeros(3),
             )
         )  # fmt: skip
-        self._moves_sideways = robot.moves_sideways
         self._noise = RandomStream(scene.seed, scene.episode, "controller", "local-planner")
 
     def settings(self) -> Mapping[str, Any]:
@@ -261,7 +260,7 @@ class LocalPlanner(Controller):
         pose = self._pose_at(snapshot.tick, snapshot.dt)
         r.state[:] = pose.x, pose.y, *pose.direction, executed.vx, executed.vy, executed.omega
         memory = self._drive.memory_of(r.parameters, r.state[4:7])
-        if memory is not None:  # the wheels stand as the robot moves, whoever has driven it there
+        if memory is not None:  # the steering angle of the executed twist, also after another controller has driven
             r.memory[:] = memory
         if length(r.numbers[1] - pose.x, r.numbers[2] - pose.y) < _ARRIVAL * self._goal.distance:
             turn = math.remainder(self._goal.theta - pose.theta, math.tau) if self._goal.angle < ANY_HEADING else 0.0
@@ -346,11 +345,10 @@ class Dwa(LocalPlanner):
 
     def reset(self, scene: Scene) -> None:
         super().reset(scene)
-        limits, robot = scene.robot.limits, scene.robot
+        limits = scene.robot.limits
         ahead = [-0.5 * limits.back, 0.0, *(limits.ahead * part for part in (0.1, 0.2, 0.35, 0.55, 0.75, 1.0))]
         turns = [limits.turn * part for part in (-1.0, -0.6, -0.35, -0.18, -0.08, 0.0, 0.08, 0.18, 0.35, 0.6, 1.0)]
-        is_long = robot.outline.circumradius > _LONG * robot.outline.inradius
-        aside = [-0.6, 0.0, 0.6] if robot.moves_sideways and not is_long else [0.0]
+        aside = [-0.6, 0.0, 0.6] if uses_sideways(scene.robot) else [0.0]
         twists = [(vx, limits.sideways * vy, omega) for vx in ahead for vy in aside for omega in turns]
         constant = np.repeat(np.array(twists)[:, None], STEPS, axis=1)
         straight = constant[constant[:, 0, 2] != 0.0].copy()

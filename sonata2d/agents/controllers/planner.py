@@ -12,7 +12,7 @@ from ...core.at_goal import goal_row, is_at_goal
 from ...core.barrier_grid import Solids, find_within, packed_solids
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Floats, Floats2, Floats3, Floats4, Ints2, unpack
-from ...core.compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, gap, rotation, to_shoulder_line
+from ...core.compiled.scalar import gap, rotation, to_shoulder_line
 from ...core.entities import Robot
 from ...core.floats import FloatFields
 from ...core.geometry import Point, Twist
@@ -20,12 +20,12 @@ from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.portable_math import Array, BoolArray, IntArray
 from ...core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
 from ...core.scene import Scene
-from ...core.separation import SEPARATION_SIZE, covering_discs, gap_to_line
+from ...core.separation import SEPARATION_SIZE, covering_discs, gap_to_barrier
 from ...core.state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, HUMAN_SIZE
 from ...errors import ControllerError
 from ...registry import drive_class
 from .compiled import KernelController
-from .cost_field import CELL, CLEARANCE, PRICE, VALUE, CostField
+from .cost_field import CELL, CLEARANCE, PRICE, VALUE, CostField, grid_coordinate, interpolated
 from .heading_field import heading_cost, heading_field
 
 _TURNS = (-1.0, -0.5, -0.15, 0.0, 0.15, 0.5, 1.0)  # turn rates to try, fractions of the limit
@@ -43,14 +43,16 @@ _LONG = 1.5  # ratio of the circles around and within an outline, above which it
 _IMPATIENCE = 5.0  # s without progress, after which the costs of disturbing people decrease
 
 
+def uses_sideways(robot: Robot) -> bool:
+    """Whether sideways velocities are worth a try: a long robot passes gaps lengthwise."""
+    return robot.moves_sideways and robot.outline.circumradius <= _LONG * robot.outline.inradius
+
+
 def _candidate_velocities(robot: Robot) -> list[Point]:
     """The velocities to try, m/s, body frame: a grid over the drive's limits."""
     limits = robot.limits
     ahead = [-limits.back * 0.6, 0.0, *(limits.ahead * fraction for fraction in (0.15, 0.3, 0.5, 0.75, 1.0))]
-    sideways = [0.0]
-    is_long = robot.outline.circumradius > _LONG * robot.outline.inradius
-    if robot.moves_sideways and not is_long:  # a long robot passes gaps lengthwise
-        sideways = [-limits.sideways * 0.8, 0.0, limits.sideways * 0.8]
+    sideways = [-limits.sideways * 0.8, 0.0, limits.sideways * 0.8] if uses_sideways(robot) else [0.0]
     return [(vx, vy) for vx in ahead for vy in sideways]
 
 
@@ -333,27 +335,11 @@ def _cheapest(
 
 
 @subroutine
-def _grid_coordinate(x: float, low: float, count: int) -> float:
-    """Fractional index of a coordinate in a grid of `count` cells, limited to the grid."""
-    return min(max((x - low) / CELL, 0.0), count - 1.001)
-
-
-@subroutine
-def _interpolated(layers: Array, layer: int, u: float, v: float) -> float:
-    """Bilinear interpolation at fractional indices."""
-    i, j = int(u), int(v)
-    u, v = u - i, v - j
-    near = layers[layer, i, j] * (1.0 - v) + layers[layer, i, j + 1] * v
-    far = layers[layer, i + 1, j] * (1.0 - v) + layers[layer, i + 1, j + 1] * v
-    return float(near * (1.0 - u) + far * u)
-
-
-@subroutine
 def _path_cost(numbers: Array, layers: Array, x: float, y: float) -> float:
     """Cost of the path from a point to the goal, in metres of open ground."""
     _, nx, ny = layers.shape
-    u, v = _grid_coordinate(x, numbers[_LOW_X], nx), _grid_coordinate(y, numbers[_LOW_Y], ny)
-    return _interpolated(layers, VALUE, u, v)
+    u, v = grid_coordinate(x, numbers[_LOW_X], nx), grid_coordinate(y, numbers[_LOW_Y], ny)
+    return interpolated(layers[VALUE], u, v)
 
 
 @subroutine
@@ -435,8 +421,8 @@ def _end_cost(
     if len(headed) > 0:
         best, end = math.inf, STEPS
         for k in range(STEPS):
-            u = _grid_coordinate(positions[X, k + 1, t, v], numbers[_LOW_X], headed.shape[1])
-            w = _grid_coordinate(positions[Y, k + 1, t, v], numbers[_LOW_Y], headed.shape[2])
+            u = grid_coordinate(positions[X, k + 1, t, v], numbers[_LOW_X], headed.shape[1])
+            w = grid_coordinate(positions[Y, k + 1, t, v], numbers[_LOW_Y], headed.shape[2])
             cost = heading_cost(headed, u, w, headings[_FINAL_X, k, t], headings[_FINAL_Y, k, t]) + _HASTE * (k + 1)
             if cost < best:
                 best, end = cost, k + 1
@@ -463,8 +449,8 @@ def _ground_cost(
         near = max(near, numbers[_ROBOT_RADIUS] + numbers[_OBSTACLE_DISTANCE])
     for k in range(until):
         x, y = positions[X, k + 1, t, v], positions[Y, k + 1, t, v]
-        i, j = _grid_coordinate(x, numbers[_LOW_X], nx), _grid_coordinate(y, numbers[_LOW_Y], ny)
-        covered += (_interpolated(layers, PRICE, i, j) - 1.0) * motions[_SPEED, k, v]
+        i, j = grid_coordinate(x, numbers[_LOW_X], nx), grid_coordinate(y, numbers[_LOW_Y], ny)
+        covered += (interpolated(layers[PRICE], i, j) - 1.0) * motions[_SPEED, k, v]
         if earliness > 0.0 and not has_price:
             continue
         # A corner of the grid cell, less than 1.5 cells away, tells whether a barrier can be near.
@@ -526,9 +512,7 @@ def _tightest(
 @subroutine
 def _gap_to(body: _Body, barriers: Array, k: int, x: float, y: float, c: float, s: float) -> float:
     """Gap between the robot at a pose, m, cosine and sine, and barrier k; m."""
-    row = barriers[k]
-    line = row[START_X], row[START_Y], row[END_X], row[END_Y], row[RADIUS]
-    return gap_to_line(body.core, body.rounding, x, y, c, s, body.corners, body.found, line)
+    return gap_to_barrier(body.core, body.rounding, x, y, c, s, body.corners, body.found, barriers, k)
 
 
 @subroutine

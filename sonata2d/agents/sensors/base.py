@@ -70,7 +70,7 @@ Measure = Callable[[Snapshot, SensorNoise], Any]
 
 @dataclass(frozen=True)
 class Sensor(FloatFields, ABC):
-    """Base class of sensors. Subclasses are frozen dataclasses whose fields are settings; they define `start`.
+    """Base class of sensors. A subclass is a frozen dataclass with settings as fields, and defines `start`.
 
     A sensor sees the world, not an observation: all walls, furniture and people.
 
@@ -288,15 +288,12 @@ def shown_to(controller: Any, snapshot: Snapshot) -> Any:
 
 
 def known_to(controller: Any, scene: Scene) -> Scene:
-    """The scene as a controller gets it in `reset`."""
-    return known_scene(scene) if controller.partial else scene
-
-
-def known_scene(scene: Scene) -> Scene:
-    """The part of a scene that a controller with `partial = True` gets in `reset`: robot, goal and rules.
+    """The scene as a controller gets it in `reset`: of a partial one, robot, goal and rules only.
 
     Room, walls, furniture, people and settings are left out.
     """
+    if not controller.partial:
+        return scene
     return replace(
         scene, polygon=(), walls=(), furniture=(), humans=(), groups=(), interactions=(), doors=(), queues=(),
         places=(), settings=None, dropped=(),

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...core.arguments import finite_number, positive_number
-from ...core.barrier_grid import Solids, packed_solids
-from ...core.compiled.packing import Packed
-from ...core.geometry import Barriers, Pose, Twist
+from ...core.geometry import Pose, Twist
 from ...core.humans import Humans
 from ...core.portable_math import Array, IntArray, unit_vector, unit_vectors
-from ...core.rays import measure_ranges
+from ...core.rays import visible
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from .base import Measure, Reading, Sensor, SensorNoise, angle_of_view
@@ -85,6 +84,46 @@ class Odometry(Sensor):
 
 
 @dataclass(frozen=True)
+class PeopleSensor(Sensor):
+    """Base class of the sensors that see people in a field of view.
+
+    Attributes:
+        angle, distance: of the field of view, rad and m.
+        occlusion: whether walls and other people hide a person; people are seen over furniture.
+    """
+
+    angle: float = 2.0 * math.pi / 3.0
+    distance: float = 10.0
+    occlusion: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        angle_of_view(self.angle)
+        positive_number("distance", self.distance)
+
+    def _view(self, scene: Scene) -> Callable[[Snapshot], IntArray]:
+        """A function of a snapshot: rows of `snapshot.humans` of the people whose centre is seen, (K,) of int."""
+        table, no_object, no_row = scene.human_table, np.empty((0, 2)), np.empty(0, dtype=np.int64)
+        walls = np.array([(*wall.start, *wall.end) for wall in scene.walls], dtype=float).reshape(-1, 4)
+        # no person is too far from straight ahead for a view all around
+        cosine = -2.0 if self.angle >= 2.0 * math.pi - 1e-9 else float(unit_vector(self.angle / 2.0)[0])
+        everybody = np.ones(len(table.id), dtype=np.bool_)
+
+        def rows_in_view(snapshot: Snapshot) -> IntArray:
+            state = snapshot.state
+            is_present = everybody if state.is_present is None else state.is_present
+            present = np.flatnonzero(is_present)
+            is_seen = np.ones(len(present), dtype=np.bool_)
+            visible(
+                state.row, is_present, table.radius, table.shoulder, no_object, walls, present, no_row, cosine,
+                float(self.distance), self.occlusion, 0, is_seen,
+            )  # fmt: skip
+            return np.flatnonzero(is_seen)
+
+        return rows_in_view
+
+
+@dataclass(frozen=True)
 class PeopleReading(Reading):
     """People that a detector reports, in no order, without identities.
 
@@ -98,20 +137,17 @@ class PeopleReading(Reading):
 
 
 @dataclass(frozen=True)
-class PeopleDetector(Sensor):
-    """A detector of people, such as a network on camera images: it misses some, and reports some who are not there.
+class PeopleDetector(PeopleSensor):
+    """A detector of people, such as a network on camera images, with misses and false alarms.
 
     Attributes:
-        angle, distance: of the field of view, rad and m.
-        occlusion: whether walls and other people hide a person; people are seen over furniture.
+        angle, distance, occlusion: see `PeopleSensor`.
         misses: probability that a person in view is not reported, in each measurement.
         false_alarms: mean number of reports of nobody, in each measurement; anywhere in the field of view.
         noise, velocity_noise: standard deviations of positions (m) and velocities (m/s), in x and y.
     """
 
-    angle: float = 2.0 * math.pi / 3.0
     distance: float = 8.0
-    occlusion: bool = True
     misses: float = 0.05
     false_alarms: float = 0.02
     noise: float = 0.05
@@ -119,8 +155,6 @@ class PeopleDetector(Sensor):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        angle_of_view(self.angle)
-        positive_number("distance", self.distance)
         for name in ("misses", "false_alarms", "noise", "velocity_noise"):
             finite_number(name, getattr(self, name), 0.0)
         if self.misses > 1.0:
@@ -129,11 +163,10 @@ class PeopleDetector(Sensor):
             raise ValueError(f"false_alarms must be at most {_MOST_ALARMS}, got {self.false_alarms}")
 
     def start(self, scene: Scene) -> Measure:
-        walls = walls_of(scene)
+        rows_in_view = self._view(scene)
 
         def measure(snapshot: Snapshot, noise: SensorNoise) -> PeopleReading:
-            humans, robot = snapshot.humans, snapshot.robot
-            rows = visible_rows(snapshot, walls.argument, self.angle, self.distance, self.occlusion)
+            humans, robot, rows = snapshot.humans, snapshot.robot, rows_in_view(snapshot)
             rows = rows[noise.uniforms(len(rows)) >= self.misses]
             c, s = robot.direction
             turn = np.array([[c, -s], [s, c]])
@@ -156,44 +189,6 @@ def _turned(vectors: Array, turn: Array) -> Array:
     return turned
 
 
-def walls_of(scene: Scene) -> Packed[Solids]:
-    """The walls of a scene, which hide people, for kernels."""
-    return packed_solids(Barriers.of((wall.start, wall.end, 0.0) for wall in scene.straight_walls.values()))
-
-
-def visible_rows(snapshot: Snapshot, packed_walls: object, angle: float, distance: float, occlusion: bool) -> IntArray:
-    """Rows of `snapshot.humans` of the people whose centre the robot sees, (K,) of int.
-
-    Args:
-        snapshot: the state.
-        packed_walls: see `walls_of`.
-        angle, distance: of the field of view, rad and m.
-        occlusion: whether walls and other people hide a person.
-    """
-    humans, robot = snapshot.humans, snapshot.robot
-    offset = humans.position - np.array(robot.position)
-    away = np.sqrt(offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1])
-    ahead = offset[:, 0] * robot.direction[0] + offset[:, 1] * robot.direction[1]
-    in_view = (away <= distance) & ((ahead >= unit_vector(angle / 2.0)[0] * away) | (angle >= 2.0 * math.pi - 1e-9))
-    rows = np.flatnonzero(in_view)
-    if not occlusion:
-        return rows
-    is_seen, lines = [], body_lines(humans)
-    for row in rows.tolist():
-        ranges, ray = np.array([away[row] - 1e-6]), offset[row : row + 1] / max(float(away[row]), 1e-9)
-        others = np.delete(lines, row, axis=0)
-        (x, y), ray = robot.position, np.ascontiguousarray(ray)
-        measure_ranges(float(x), float(y), 1.0, 0.0, packed_walls, others, ray, ranges)
-        is_seen.append(bool(ranges[0] >= away[row] - 1e-6))
-    return rows[is_seen]
-
-
-def body_lines(humans: Humans) -> Array:
-    """Outlines of people as thick lines, (N, 5): start, end, radius, m."""
-    left = np.stack((-humans.direction[:, 1], humans.direction[:, 0]), axis=1) * humans.shoulder[:, None]
-    return np.concatenate((humans.position + left, humans.position - left, humans.radius[:, None]), axis=1)
-
-
 @dataclass(frozen=True)
 class ViewReading(Reading):
     """Entities in view.
@@ -206,29 +201,14 @@ class ViewReading(Reading):
 
 
 @dataclass(frozen=True)
-class FieldOfView(Sensor):
-    """People in a field of view, measured without errors.
-
-    Attributes:
-        angle, distance: of the field of view, rad and m.
-        occlusion: whether walls and other people hide a person; people are seen over furniture.
-    """
-
-    angle: float = 2.0 * math.pi / 3.0
-    distance: float = 10.0
-    occlusion: bool = True
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        angle_of_view(self.angle)
-        positive_number("distance", self.distance)
+class FieldOfView(PeopleSensor):
+    """People in a field of view, measured without errors."""
 
     def start(self, scene: Scene) -> Measure:
-        walls = walls_of(scene)
+        rows_in_view = self._view(scene)
 
         def measure(snapshot: Snapshot, noise: SensorNoise) -> ViewReading:
-            rows = visible_rows(snapshot, walls.argument, self.angle, self.distance, self.occlusion)
-            humans = snapshot.humans
+            humans, rows = snapshot.humans, rows_in_view(snapshot)
             seen = humans.select(rows)
             if humans.row is not None and seen is not humans:
                 seen = replace(seen, row=humans.row[rows])

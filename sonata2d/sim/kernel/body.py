@@ -7,12 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.compiled.packing import Floats, Floats2
+from ...core.compiled.scalar import RADIUS
 from ...core.geometry import Shape
 
-# Columns of `Body.target`: ends of the core line of a near outline (m), its radius, the depth to which the robot may
-# overlap with it, and its gap at the start of the substep (m).
-START_X, START_Y, END_X, END_Y, RADIUS, ALLOWED, START_GAP = range(7)
-TARGET_SIZE = 7
+# Columns of `Body.target`, after the core line and the radius of a near outline, `START_X` to `RADIUS` as of barriers:
+# the depth to which the robot may overlap with it, and its gap at the start of the substep (m).
+ALLOWED, START_GAP = RADIUS + 1, RADIUS + 2
+TARGET_SIZE = RADIUS + 3
 
 
 class Body(NamedTuple):

@@ -11,11 +11,11 @@ from typing import Any
 from ...core.barrier_grid import outline_gap
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import unpack
-from ...core.compiled.scalar import Vector, clipped, length, rotation
+from ...core.compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, Vector, clipped, length, rotation
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.portable_math import Array
 from ...core.separation import ARM_X, ARM_Y, DISTANCE, NORMAL_X, NORMAL_Y, place_corners, separate
-from .body import ALLOWED, END_X, END_Y, RADIUS, START_GAP, START_X, START_Y, Body
+from .body import ALLOWED, START_GAP, Body
 from .rules import CONTACT_DISTANCE, COUPLED, GUARD, HOLONOMIC, ROBOT_RADIUS
 from .safety import (
     GAP,
@@ -103,7 +103,7 @@ def _find_targets(world: Buffers, speed: float, h: float) -> None:
                 room = outline_gap(solids, x, y, torso[0], torso[1], radius, shoulder, depth)
                 row[ALLOWED] = clipped(room, 0.0, depth)
         else:
-            for column in range(5):  # the same columns
+            for column in range(RADIUS + 1):  # the same columns
                 row[column] = barriers[k, column]
             row[ALLOWED] = 0.0
         _separate_from(body, n, bodies[last, X], bodies[last, Y], guard.separation[n])
