@@ -62,9 +62,16 @@ def engine_steps(work: Callable[[], Any], *, through_pymunk: bool = False) -> li
             super().__init__(space, *arguments)
             spaces.append((space, space._space))
 
+    robots: list[Any] = []
+
     class Unpacked:
         def __init__(self, value: Any) -> None:
             self.value = self.argument = value
+
+        @property
+        def address(self) -> int:
+            robots.append(self.argument)
+            return len(robots) - 1
 
     def call(function: int, numbers: tuple[Any, ...]) -> None:
         if function != step_address:
@@ -84,7 +91,10 @@ def engine_steps(work: Callable[[], Any], *, through_pymunk: bool = False) -> li
         patch.object(world, "EngineMemory", Memory),
         patch.multiple(world, Packed=Unpacked, **interpreted),
         patch.multiple(
-            step, unpack=lambda value, kind: value, call=lambda address, arguments: address.origin[0](*arguments)
+            step,
+            unpack=lambda value, kind: value,
+            packed_at=lambda address: robots[address],
+            call=lambda address, arguments: address.origin[0](*arguments),
         ),
         patch.object(chipmunk, "_call", call),
     ):

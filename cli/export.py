@@ -46,6 +46,14 @@ def _types(ctx: click.Context, _: click.Parameter, values: tuple[str, ...]) -> d
     callback=_types,
     help="Format socnav3: write objects of a type, or of all types that it does not list, as another; may be repeated.",
 )
+@click.option("--robot", type=int, metavar="ID", help="Formats sonata, socnav3: of several robots, the one to export.")
+@click.option(
+    "--robots-as",
+    type=click.Choice(["people", "objects"]),
+    default="people",
+    show_default=True,
+    help="Formats sonata, socnav3: what the other robots are.",
+)
 @click.option(
     "--shard-size",
     type=click.IntRange(1),
@@ -61,6 +69,8 @@ def command(
     quirks: str | None,
     context: str | None,
     types: dict[str, str],
+    robot: int | None,
+    robots_as: str,
     shard_size: int | None,
     workers: WorkerOptions,
 ) -> None:
@@ -73,7 +83,7 @@ def command(
     from sonata2d.formats.format import Options
 
     with workers.started() as pool, progress(len(episodes_in(source)), "episodes") as advance:
-        options = Options(original=quirks == "original", context=context, types=types)
+        options = Options(original=quirks == "original", context=context, types=types, robot=robot, robots_as=robots_as)  # type: ignore[arg-type]  # click has checked it
         require_supported(format, options)
         result = export_to(source, format, output, options, shard_size=shard_size, workers=pool, advance=advance)
     show_transfer(result, format, f"{output}: {counted(len(result.files), f'{format} file')}")

@@ -55,7 +55,8 @@ def command(scenario: str, controller: str, seed: int, episode: int, outputs: tu
     from sonata2d.record.recorder import EpisodeRecorder
     from sonata2d.scenegen.generator import generate
     from sonata2d.scenegen.scenario.load import scenario_of
-    from sonata2d.sim.episode import Episode, controller_info_of, renderer_for
+    from sonata2d.sim.driver import controller_info_of, renderer_for
+    from sonata2d.sim.episode import Episode
     from sonata2d.view.episode_files import SUFFIXES as DRAWN, render
     from sonata2d.view.film import FILM_SUFFIXES
 

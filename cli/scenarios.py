@@ -151,7 +151,7 @@ def check_scenario(
     from sonata2d.errors import ConfigError
     from sonata2d.metrics.situations import SITUATIONS, check_situation, rehearse
     from sonata2d.scenegen.scenario.load import load_scenario
-    from sonata2d.sim.episode import renderer_for
+    from sonata2d.sim.driver import renderer_for
 
     config = load_scenario(scenario)
     if situation is None and config.name not in SITUATIONS:

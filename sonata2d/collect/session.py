@@ -21,7 +21,8 @@ from ..record.reader import read_episode
 from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
-from ..sim.episode import Episode, controller_info_of, outcome_at
+from ..sim.driver import controller_info_of
+from ..sim.episode import Episode, outcome_at
 from ..sim.inputs import TickInput
 from ..version import PHYSICS_VERSION
 from .collection import Collection

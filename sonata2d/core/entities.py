@@ -25,6 +25,7 @@ _HALF_BODY = 0.25  # m, from the side of a door to the centre of a pedestrian
 PERSON_RADIUS = 0.14  # m, half the depth of a body
 PERSON_BREADTH = 0.45  # m, from shoulder to shoulder
 DEFAULT_MODEL = "sonata2026"
+DEFAULT_CONTROLLER = "social-planner"  # of robots besides the first one
 
 
 @dataclass(frozen=True, slots=True)
@@ -379,3 +380,20 @@ class Goal:
         dx, dy = self.x - pose.x, self.y - pose.y
         turned = abs(wrap_angle(pose.theta - self.theta)) if self.angle < ANY_HEADING else 0.0
         return math.sqrt(dx * dx + dy * dy) <= self.distance and turned <= self.angle
+
+
+@dataclass(frozen=True, slots=True)
+class OtherRobot:
+    """A robot of a scene besides its first one.
+
+    Attributes:
+        id: unique among robots, pedestrians and objects; the first robot of a scene has the id 0.
+        robot: its start, outline and drive.
+        goal: of this robot.
+        controller: registered name or import path of its controller, unless an episode gets another one.
+    """
+
+    id: Id
+    robot: Robot
+    goal: Goal
+    controller: str = field(default=DEFAULT_CONTROLLER, compare=False)

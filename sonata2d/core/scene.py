@@ -14,7 +14,21 @@ import numpy as np
 
 from .bounds import Fraction, NotNegative, Positive, Steps
 from .drawable import Drawable
-from .entities import Door, EndsOn, Furniture, Goal, Group, Human, Interaction, Place, Queue, Robot, Wall
+from .entities import (
+    ROBOT_ID,
+    Door,
+    EndsOn,
+    Furniture,
+    Goal,
+    Group,
+    Human,
+    Interaction,
+    OtherRobot,
+    Place,
+    Queue,
+    Robot,
+    Wall,
+)
 from .floats import FloatFields
 from .geometry import Barriers, Edge, Point
 from .humans import HumanTable, activity_indices, frozen
@@ -117,6 +131,9 @@ class Scene(FloatFields, Drawable):
         settings: resolved scenario settings as JSON values; None for a scene that was not generated.
         dropped: requested entities that could not be placed.
         unmeasured: what the source of an imported episode does not record; pictures do not show it.
+        robot, goal: of the first robot; in the view of another one, of that one.
+        robots: the other robots.
+        robot_id: of `robot`; 0 but in the view of another robot, see `seen_by`.
     """
 
     name: str
@@ -139,6 +156,8 @@ class Scene(FloatFields, Drawable):
     doors: tuple[Door, ...] = ()
     queues: tuple[Queue, ...] = ()
     places: tuple[Place, ...] = ()
+    robots: tuple[OtherRobot, ...] = ()
+    robot_id: int = ROBOT_ID
 
     def __repr__(self) -> str:
         people, objects = counted(len(self.humans), "person"), counted(len(self.furniture), "object")
@@ -161,6 +180,7 @@ class Scene(FloatFields, Drawable):
         return {
             **self.origin,
             "people": len(self.humans),
+            **({"robots": 1 + len(self.robots)} if self.robots else {}),
             "objects": ", ".join(counted(number, kind) for kind, number in kinds.items()) or "none",
             "robot": f"({self.robot.pose.x:.2f}, {self.robot.pose.y:.2f}) m",
             "goal": f"({self.goal.x:.2f}, {self.goal.y:.2f}) m",
@@ -172,7 +192,72 @@ class Scene(FloatFields, Drawable):
         scene = copy(self)
         for name, value in (("seed", seed), ("episode", episode), ("settings", settings)):
             object.__setattr__(scene, name, value)
+        for cached in ("_views", "with_robots_as_people"):
+            vars(scene).pop(cached, None)
         return scene
+
+    def seen_by(self, robot_id: int) -> Scene:
+        """The same scene from the view of one of its robots, which is its `robot`; `robots` are the others, by id.
+
+        Args:
+            robot_id: 0, or the id of one of `robots`.
+
+        Raises:
+            KeyError: there is no such robot.
+        """
+        if robot_id not in self._views:
+            own = next((other for other in self.robots if other.id == robot_id), None)
+            if own is None:
+                raise KeyError(f"there is no robot {robot_id}; the scene has {', '.join(map(str, self.robot_ids))}")
+            others = [OtherRobot(self.robot_id, self.robot, self.goal), *(o for o in self.robots if o is not own)]
+            others.sort(key=lambda other: other.id)
+            view = copy(self)  # what was computed of the layout is kept, and the views are shared
+            vars(view).pop("with_robots_as_people", None)
+            for name, value in (
+                ("robot", own.robot),
+                ("goal", own.goal),
+                ("robots", tuple(others)),
+                ("robot_id", own.id),
+            ):
+                object.__setattr__(view, name, value)
+            self._views[robot_id] = view
+        return self._views[robot_id]
+
+    @cached_property
+    def _views(self) -> dict[int, Scene]:
+        return {self.robot_id: self}
+
+    @cached_property
+    def with_robots_as_people(self) -> Scene:
+        """The scene with the other robots as people that walk, for code that knows one robot only.
+
+        Each is a disc, the smallest circle around its outline.
+        """
+        if not self.robots:
+            return self
+        people = (
+            Human(
+                other.id, other.robot.pose, radius=other.robot.radius, breadth=2.0 * other.robot.radius,
+                desired_speed=other.robot.limits.ahead, behaviour="walking",
+            )
+            for other in self.robots
+        )  # fmt: skip
+        scene = copy(self)  # what was computed of the room is kept
+        for name in ("human_table", "standing_humans", "parking", "_views"):
+            vars(scene).pop(name, None)
+        object.__setattr__(scene, "humans", (*self.humans, *people))
+        object.__setattr__(scene, "robots", ())
+        return scene
+
+    @property
+    def robot_ids(self) -> tuple[int, ...]:
+        """Ids of all robots, that of `robot` first."""
+        return (self.robot_id, *(other.id for other in self.robots))
+
+    @property
+    def tasks(self) -> tuple[tuple[Robot, Goal], ...]:
+        """All robots with their goals, in the order of `robot_ids`."""
+        return ((self.robot, self.goal), *((other.robot, other.goal) for other in self.robots))
 
     @cached_property
     def barriers(self) -> Barriers:

@@ -11,10 +11,11 @@ import numpy as np
 
 from .devices import DeviceEvent
 from .drawable import Drawable
-from .entities import Furniture, Goal, Interaction, Robot, Wall
+from .entities import ROBOT_ID, Furniture, Goal, Interaction, Robot, Wall
 from .geometry import Point, Pose, Twist
 from .humans import BODY_X, BODY_Y, GAZE_Y, OMEGA, VX, VY, Humans, X, Y, activities_of_present, frozen
 from .portable_math import Array, BoolArray, IntArray, angle_of, unit_vector
+from .relations import ACTIVITIES
 from .scene import Scene, initial_activities
 from .state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED, ROBOT_SIZE, State
 from .wording import counted
@@ -31,12 +32,12 @@ class Contact:
 
     Attributes:
         kind: what the robot touched.
-        id: of the human or object; for a wall its index in the scene, or that of the first of the pieces of a straight
-            wall.
+        id: of the human, object or other robot; for a wall its index in the scene, or that of the first of the pieces
+            of a straight wall.
         robot_at_fault, other_at_fault: whether each side closed the gap.
     """
 
-    kind: Literal["human", "object", "wall"]
+    kind: Literal["human", "object", "wall", "robot"]
     id: int
     robot_at_fault: bool
     other_at_fault: bool
@@ -54,6 +55,7 @@ class RobotState:
         executed: body-frame twist that the drive executed in the last tick, after the safety guard.
         guarded: whether the safety guard reduced the velocity during the last tick.
         body: radius, drive and limits.
+        id: 0 for the first robot of the scene.
     """
 
     position: Point
@@ -63,6 +65,7 @@ class RobotState:
     executed: Twist
     guarded: bool
     body: Robot
+    id: int = ROBOT_ID
 
     @property
     def pose(self) -> Pose:
@@ -100,6 +103,8 @@ class Snapshot(Drawable):
         image: (H, W, 3) of uint8 if the controller requests one (`Controller.image`), else None.
         sensors: readings of the controller's sensors by name (`Controller.sensors`), such as `sensors.lidar`; None if
             it has none.
+        robots: the other robots, in the order of `scene.robots`.
+        contacts_of_robots: of the other robots during the last tick, in the same order.
     """
 
     tick: int
@@ -112,6 +117,8 @@ class Snapshot(Drawable):
     events: tuple[DeviceEvent, ...] = ()
     image: Any = None
     sensors: Any = None
+    robots: tuple[RobotState, ...] = field(default_factory=tuple)  # no attribute of the class: it is built when read
+    contacts_of_robots: tuple[tuple[Contact, ...], ...] = ()
     _state: State | None = field(default=None, init=False, repr=False, compare=False)
 
     @classmethod
@@ -123,23 +130,28 @@ class Snapshot(Drawable):
         interactions: tuple[Interaction, ...],
         contacts: tuple[Contact, ...] = (),
         events: tuple[DeviceEvent, ...] = (),
+        contacts_of_robots: tuple[tuple[Contact, ...], ...] = (),
     ) -> Self:
-        """A snapshot whose `robot` and `humans` are built from a state when they are first read.
+        """A snapshot whose `robot`, `robots` and `humans` are built from a state when they are first read.
 
         Args:
-            tick, scene, interactions, contacts, events: as the attributes.
-            state: of the robot and of all pedestrians of the scene.
+            tick, scene, interactions, contacts, events, contacts_of_robots: as the attributes.
+            state: of all robots and pedestrians of the scene.
         """
         snapshot = object.__new__(cls)
-        values = vars(snapshot)  # of all attributes except `robot` and `humans`; the class is frozen
+        values = vars(snapshot)  # of all attributes except `robot`, `robots` and `humans`; the class is frozen
         values.update(tick=tick, time=round(tick * scene.rules.dt, 4), scene=scene, interactions=interactions)
         values.update(contacts=contacts, events=events, image=None, sensors=None, _state=state)
+        values["contacts_of_robots"] = contacts_of_robots
         return snapshot
 
     def __getattr__(self, name: str) -> Any:
-        """Build `robot` or `humans` from the state; called only for attributes that are not set."""
+        """Build `robot`, `robots` or `humans` from the state; called only for attributes that are not set."""
         if name == "robot" and self._state is not None:
-            value: Any = _robot_state(self._state.robot.tolist(), self.scene.robot)
+            value: Any = _robot_state(self._state.robot.tolist(), self.scene.robot, self.scene.robot_id)
+        elif name == "robots" and self._state is not None:
+            rows, others = self._state.robots.tolist(), self.scene.robots
+            value = tuple(_robot_state(row, o.robot, o.id) for row, o in zip(rows, others, strict=True))
         elif name == "humans" and self._state is not None:
             value = self._build_humans(self._state)
         else:
@@ -161,7 +173,9 @@ class Snapshot(Drawable):
 
     def _build_state(self) -> State:
         humans, count = self.humans, len(self.scene.humans)
-        row = frozen(np.concatenate((_robot_row(self.robot), humans.expand(humans.state, count, 0.0).ravel())))
+        others = [value for robot in self.robots for value in _robot_row(robot)]
+        people = humans.expand(humans.state, count, 0.0).ravel()
+        row = frozen(np.concatenate((_robot_row(self.robot), people, np.array(others))))
         is_present = None
         if humans.row is not None:
             is_present = frozen(humans.expand(np.ones(len(humans), dtype=bool), count, False))
@@ -182,6 +196,43 @@ class Snapshot(Drawable):
             "contacts": len(self.contacts),
         }
 
+    def seen_by(self, robot_id: int) -> Snapshot:
+        """The same state from the view of another robot, see `Scene.seen_by`; without events, image and sensors.
+
+        Raises:
+            KeyError: there is no such robot.
+        """
+        scene = self.scene.seen_by(robot_id)
+        if scene is self.scene:
+            return self
+        order = [self.scene.robot_ids.index(id) for id in scene.robot_ids]
+        contacts: list[tuple[Contact, ...]] = [()] * len(order)
+        if self.contacts_of_robots:
+            contacts = [(self.contacts, *self.contacts_of_robots)[k] for k in order]
+        state = self.state.with_robots(order)
+        return Snapshot.of_state(
+            self.tick, scene, state, self.interactions, contacts[0], contacts_of_robots=tuple(contacts[1:])
+        )
+
+    def with_robots_as_people(self) -> Snapshot:
+        """The same state of `Scene.with_robots_as_people`, for code that knows one robot only."""
+        scene = self.scene.with_robots_as_people
+        if scene is self.scene:
+            return self
+        state = self.state
+        others, activity = state.robots, [ACTIVITIES.index("walking")] * len(self.scene.robots)
+        people = np.concatenate(
+            (others[:, : BODY_Y + 1], others[:, BODY_X : BODY_Y + 1], others[:, OMEGA : OMEGA + 1]), 1
+        )
+        row = frozen(np.concatenate((state.robot, state.humans.ravel(), people.ravel())))
+        is_present = state.is_present
+        if is_present is not None:
+            is_present = frozen(np.concatenate((is_present, np.ones(len(others), dtype=bool))))
+        everybody = State(row, frozen(np.concatenate((state.activity, activity))), is_present)
+        snapshot = Snapshot.of_state(self.tick, scene, everybody, self.interactions, self.contacts, self.events)
+        vars(snapshot).update(image=self.image, sensors=self.sensors)
+        return snapshot
+
     @property
     def goal(self) -> Goal:
         return self.scene.goal
@@ -200,15 +251,15 @@ class Snapshot(Drawable):
         return self.scene.rules.dt
 
 
-def _robot_state(row: list[float], body: Robot) -> RobotState:
-    """The robot's state from its part of a `State.row`."""
+def _robot_state(row: list[float], body: Robot, id: int) -> RobotState:
+    """A robot's state from its part of a `State.row`."""
     executed, is_guarded = Twist(*row[EXECUTED_VX : EXECUTED_OMEGA + 1]), row[GUARDED] != 0.0
     position, direction, velocity = (row[X], row[Y]), (row[BODY_X], row[BODY_Y]), (row[VX], row[VY])
-    return RobotState(position, direction, velocity, row[OMEGA], executed, is_guarded, body)
+    return RobotState(position, direction, velocity, row[OMEGA], executed, is_guarded, body, id)
 
 
 def _robot_row(robot: RobotState) -> list[float]:
-    """The robot's part of a `State.row`, the inverse of `_robot_state`."""
+    """A robot's part of a `State.row`, the inverse of `_robot_state`."""
     row = [0.0] * ROBOT_SIZE
     row[X], row[Y] = robot.position
     row[VX], row[VY] = robot.velocity
@@ -230,7 +281,7 @@ class CrowdCommands(NamedTuple):
         activity: (N,) of int, into `relations.ACTIVITIES`.
         interactions: current ones, including interactions of absent pedestrians.
         refresh: for a pedestrian model so stiff that it must be evaluated several times in a tick: computes the (N, 2)
-            accelerations, m/s^2, from the current (N + 1, 4) rows x, y, vx, vy with the robot last. Else None.
+            accelerations, m/s^2, from the current (N + R, 4) rows x, y, vx, vy, those of the R robots last. Else None.
         evaluations: number of evaluations of the model in a tick.
         leaving: (N,) of bool, pedestrians that have reached the goal or the door at which they leave the scene; None:
             nobody.
@@ -251,11 +302,19 @@ class CrowdCommands(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """Record of one tick: the snapshot, the controller's command in the body frame, and its label."""
+    """Record of one tick.
+
+    Attributes:
+        snapshot: of the tick.
+        command: of the controller, body frame.
+        label: of the controller.
+        others: commands and labels of the controllers of the other robots.
+    """
 
     snapshot: Snapshot
     command: Twist
     label: Any = None
+    others: tuple[tuple[Twist, Any], ...] = ()
 
 
 class Frames(NamedTuple):
@@ -276,12 +335,21 @@ class Frames(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """End of an episode: status, reason in words, tick and time (s)."""
+    """End of an episode.
+
+    Attributes:
+        status: kind of end.
+        reason: in words.
+        tick, time: of the end; s.
+        arrivals: of several robots, the tick at which each reached its goal, None for those that did not; in the order
+            of `Scene.robot_ids`. Empty for one robot.
+    """
 
     status: Status
     reason: str
     tick: int
     time: float
+    arrivals: tuple[int | None, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -293,12 +361,14 @@ class ControllerInfo:
         version: of the controller.
         settings: from which the controller can be reconstructed.
         labels: meaning of each label by name.
+        others: controllers of the other robots, in the order of `scene.robots`.
     """
 
     path: str
     version: str | None = None
     settings: dict[str, Any] | None = None
     labels: dict[str, str] | None = None
+    others: tuple[ControllerInfo, ...] = ()
 
 
 class Observer(Protocol):
@@ -321,12 +391,14 @@ class Observer(Protocol):
 
 def snapshot_of(scene: Scene) -> Snapshot:
     """The snapshot at tick 0: all agents at their initial poses and at rest, heads pointing ahead."""
-    robot = scene.robot
     state, table = np.zeros((len(scene.humans), 9)), scene.human_table
     state[:, X : Y + 1] = table.position
     for row, human in zip(state, scene.humans, strict=True):
         row[BODY_X : GAZE_Y + 1] = (*human.pose.direction, *human.pose.direction)
-    at_rest = RobotState(robot.pose.position, unit_vector(robot.pose.theta), (0.0, 0.0), 0.0, Twist(), False, robot)
+    at_rest = [
+        RobotState(robot.pose.position, unit_vector(robot.pose.theta), (0.0, 0.0), 0.0, Twist(), False, robot, id)
+        for (robot, _), id in zip(scene.tasks, scene.robot_ids, strict=True)
+    ]
     entering_later = {human.id for human in scene.humans if human.enters > 0}
     interactions = tuple(
         link for link in scene.interactions if link.src not in entering_later and link.dst not in entering_later
@@ -336,4 +408,4 @@ def snapshot_of(scene: Scene) -> Snapshot:
         activity = activities_of_present(activity, table.id, interactions)
     humans = table.with_state(frozen(state), activity)
     present = humans.select(np.flatnonzero([human.enters == 0 for human in scene.humans]))
-    return Snapshot(0, 0.0, scene, at_rest, present, interactions)
+    return Snapshot(0, 0.0, scene, at_rest[0], present, interactions, robots=tuple(at_rest[1:]))

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from .humans import OMEGA
+import numpy as np
+
+from .humans import OMEGA, frozen
 from .portable_math import Array, BoolArray, IntArray
 
 # Columns of the robot: X, Y, VX, VY, BODY_X, BODY_Y and OMEGA as in `core.humans`, then the body-frame twist that the
@@ -17,8 +20,8 @@ class State(NamedTuple):
     """The state of the world at one tick; read-only.
 
     Attributes:
-        row: (13 + 9 N,): the robot's columns above, then for each of the N pedestrians of the scene, present or not,
-            the columns of `core.humans`; SI units, world frame.
+        row: (13 + 9 N + 13 M,): the robot's columns above, then for each of the N pedestrians of the scene, present or
+            not, the columns of `core.humans`, then those of the M other robots; SI units, world frame.
         activity: (N,) of int, into `relations.ACTIVITIES`.
         is_present: (N,) of bool; None: all pedestrians are present.
     """
@@ -35,4 +38,18 @@ class State(NamedTuple):
     @property
     def humans(self) -> Array:
         """(N, 9), one row for each pedestrian of the scene; arbitrary for absent ones."""
-        return self.row[ROBOT_SIZE:].reshape(-1, HUMAN_SIZE)
+        return self.row[ROBOT_SIZE : self._end_of_humans].reshape(-1, HUMAN_SIZE)
+
+    @property
+    def robots(self) -> Array:
+        """(M, 13), one row for each other robot of the scene."""
+        return self.row[self._end_of_humans :].reshape(-1, ROBOT_SIZE)
+
+    @property
+    def _end_of_humans(self) -> int:
+        return ROBOT_SIZE + HUMAN_SIZE * len(self.activity)
+
+    def with_robots(self, order: Sequence[int]) -> State:
+        """The state with the robots in another order, by their present places, of which 0 is that of `robot`."""
+        rows = np.concatenate((self.robot[None], self.robots))[list(order)]
+        return self._replace(row=frozen(np.concatenate((rows[0], self.humans.ravel(), rows[1:].ravel()))))

@@ -25,6 +25,7 @@ from ..registry import FORMATS
 from . import sonata
 from .format import Format, Options, Tables
 from .importing import encode_episode
+from .robots import of_one_robot
 
 Advance = Callable[[int], None]
 T = TypeVar("T")
@@ -287,7 +288,7 @@ def _converted(
     chosen = format_named(name)
     assert chosen.export is not None
     try:
-        record = read_episode(file)
+        record = of_one_robot(read_episode(file), options, ends_on_arrival="robot" in chosen.options)
         data = chosen.export(record, options)
         note = chosen.note(record, options) if chosen.note else None
     except RecordError as error:
@@ -299,7 +300,8 @@ def _converted(
 def _packed(name: str, key: Callable[[Path], str], file: Path) -> tuple[Any, RecordError | None]:
     """The rows of an episode in the form that the format needs, or the error if it cannot be read."""
     try:
-        return _tables(name).pack(read_episode(file), key(file)), None
+        record = of_one_robot(read_episode(file), _DEFAULT_OPTIONS, ends_on_arrival=False)
+        return _tables(name).pack(record, key(file)), None
     except RecordError as error:
         return None, error
 

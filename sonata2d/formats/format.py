@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, SupportsFloat
+from typing import Any, Literal, SupportsFloat
 
 import numpy as np
 
@@ -36,6 +36,8 @@ class Options(FloatFields):
         types: type of an object that a format does not list: the type that is written in its place.
         renumber: on import, replace ids that a file uses twice by new ones.
         walls: on import, a file with the walls of the room (`x1,y1,x2,y2` in m), for files without walls.
+        robot: of several robots, the id of the one that is exported as the robot; None: the first.
+        robots_as: what the other robots are exported as, `people` or `objects`.
     """
 
     original: bool = False
@@ -48,8 +50,11 @@ class Options(FloatFields):
     types: Mapping[str, str] = field(default_factory=dict)
     renumber: bool = False
     walls: Path | None = None
+    robot: int | None = None
+    robots_as: Literal["people", "objects"] = "people"
 
 
+ROBOT_OPTIONS = frozenset({"robot", "robots_as"})  # of formats that describe the task of one robot
 Export = Callable[[EpisodeRecord, Options], bytes]
 Import = Callable[[Path, Options], Iterator[JsonDict]]  # yields episode documents, as `record.read_episode` reads them
 
@@ -170,7 +175,7 @@ def require_consecutive_ids(record: EpisodeRecord, format: str) -> None:
         UnsuitableEpisode: the ids have gaps or do not start at 1.
     """
     scene = record.scene()
-    ids = [*scene.human_table.row] + [thing.id for thing in scene.furniture]
+    ids = [*scene.human_table.row] + [thing.id for thing in scene.furniture] + [other.id for other in scene.robots]
     if sorted(ids) != list(range(1, len(ids) + 1)):
         raise UnsuitableEpisode(
             record.path,

@@ -17,7 +17,7 @@ from ..errors import InvalidFileError, RecordError
 from ..record.canonical import serialise
 from ..record.files import read_bytes
 from ..record.layout import JsonDict
-from ..record.reader import record_from_document
+from ..record.record import record_from_document
 from ..record.validate import require_valid
 
 

@@ -8,16 +8,27 @@ import orjson
 from ..core.entities import Furniture
 from ..core.geometry import Disc, Polygon, Shape
 from ..core.portable_math import Array
+from ..core.scene import Scene
 from ..errors import RecordError, UnsuitableEpisode
 from ..record.canonical import require_finite
 from ..record.layout import HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from ..record.record import EpisodeRecord
 from ..registry import furniture_type
-from .format import Format, Options, exact_stamps, header_of, require_duration, require_even_times, require_robot
+from .format import (
+    ROBOT_OPTIONS,
+    Format,
+    Options,
+    exact_stamps,
+    header_of,
+    require_duration,
+    require_even_times,
+    require_robot,
+)
 from .occupancy import occupancy_grid
 from .socnav3_import import EXTRAS, NAME, import_
 
 TYPES = ("chair", "table", "plant", "tv", "shelf", "floor_lamp")
+_ROBOT = "robot"  # type of other robots in `Options.types`
 # Types of the presets and usual ones: the listed type that people use most alike.
 _SIMILAR = {
     "counter": "table", "desk": "table", "bar": "table", "bed": "table", "bench": "chair", "sofa": "chair",
@@ -44,7 +55,7 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
     file: JsonDict = {
         "grid": occupancy_grid(scene),
         "walls": [[*wall.start, *wall.end] for wall in scene.walls],
-        "sequence": _sequence(record, written_types),
+        "sequence": _sequence(record, written_types, options),
     }
     if context := _context(record, options):
         file["context_description"] = context
@@ -110,6 +121,12 @@ def _check_exportable(record: EpisodeRecord, options: Options) -> None:
             f"a tick is {dt:g} s, but readers of {NAME} drop frames less than 0.1 s apart",
             "record with a tick of 0.1 s or more",
         )
+    if record.scene().robots and _ROBOT not in options.types:
+        raise UnsuitableEpisode(
+            record.path,
+            f"other robots are to be objects, but {NAME} only has {', '.join(TYPES)}",
+            f"choose a type with --as, such as --as {_ROBOT}=shelf",
+        )
     states = record.states
     require_finite(states.robot, ROBOT_NAMES, "the robot")
     present_rows = np.where(states.present[..., None], states.humans, 0.0)
@@ -134,7 +151,7 @@ def _label(record: EpisodeRecord) -> float | None:
     return float(label)
 
 
-def _sequence(record: EpisodeRecord, written_types: dict[int, str | None]) -> list[JsonDict]:
+def _sequence(record: EpisodeRecord, written_types: dict[int, str | None], options: Options) -> list[JsonDict]:
     """A step per frame, and one for the final state."""
     states, scene = record.states, record.scene()
     stamps = exact_stamps(states.tick, scene.rules.dt).tolist()
@@ -147,14 +164,26 @@ def _sequence(record: EpisodeRecord, written_types: dict[int, str | None]) -> li
             "timestamp": stamp,
             "robot": _robot(row, shape),
             "people": _people(record, rows, present),
-            "objects": objects,
+            "objects": [*objects, *_robots(scene, others, options)],
             "goal": goal,
             EXTRAS: {key: frame[key] for key in _EXTRA_STEP_KEYS if key in frame},
         }
-        for stamp, row, rows, present, frame in zip(
-            stamps, states.robot, states.humans.tolist(), states.present.tolist(), frames, strict=True
+        for stamp, row, rows, present, frame, others in zip(
+            stamps, states.robot, states.humans.tolist(), states.present.tolist(), frames, states.robots.tolist(),
+            strict=True,
         )
-    ]
+    ]  # fmt: skip
+
+
+def _robots(scene: Scene, rows: list[list[float]], options: Options) -> list[JsonDict]:
+    """Robots that are objects, in a step."""
+    return [
+        {
+            "id": other.id, "type": options.types[_ROBOT], "x": x, "y": y, "angle": theta,
+            "shape": _shape(other.robot.outline),
+        }
+        for other, (x, y, theta, *_) in zip(scene.robots, rows, strict=True)
+    ]  # fmt: skip
 
 
 def _robot(row: Array, shape: JsonDict) -> JsonDict:
@@ -212,5 +241,5 @@ FORMAT = Format(
     import_,
     export=export,
     note=note,
-    options=frozenset({"context", "types", "renumber", "walls"}),
+    options=frozenset({"context", "types", "renumber", "walls"}) | ROBOT_OPTIONS,
 )

@@ -24,6 +24,7 @@ from ..record.record import EpisodeRecord
 from . import estimates
 from .estimates import POSE, POSITION, THETA, VELOCITY
 from .format import (
+    ROBOT_OPTIONS,
     Format,
     Options,
     exact_stamps,
@@ -119,12 +120,12 @@ def _saved_ticks(record: EpisodeRecord, options: Options) -> tuple[list[int], Ar
 
 
 def _local_poses(record: EpisodeRecord, ticks: list[int]) -> Array:
-    """Poses of the pedestrians, then the objects, in the robot frame: (T, P + O, 3), columns x, y, a."""
+    """Poses of pedestrians, objects, and robots that are objects, in the robot frame: (T, K, 3), columns x, y, a."""
     scene, states = record.scene(), record.states
     people = states.humans[ticks][..., POSE]
     furniture = np.array([(*f.pose.position, f.pose.theta) for f in scene.furniture], dtype=float).reshape(-1, 3)
     objects = np.broadcast_to(furniture, (len(ticks), *furniture.shape))
-    world = np.concatenate((people, objects), axis=1)
+    world = np.concatenate((people, objects, states.robots[ticks][..., POSE]), axis=1)
     robot = states.robot[ticks][:, None, POSE]
     position = _to_robot_frame(world[..., POSITION], robot)
     angle = -wrap_angles(world[..., THETA] - robot[..., THETA] + np.pi / 2)
@@ -177,6 +178,8 @@ def _frame(
     scene, frames = record.scene(), record.document["frames"]
     recorded = frames[tick] if tick < len(frames) else record.document["final"]
     people = len(scene.humans)
+    things = [(thing.id, thing.shape) for thing in scene.furniture]
+    things += [(other.id, other.robot.outline) for other in scene.robots]
     entities = [
         {"x": x, "y": y, "a": a, "vx": vx, "vy": vy, "va": va}
         for (x, y, a), (vx, vy, va) in zip(poses, steps, strict=True)
@@ -186,8 +189,7 @@ def _frame(
         "goal": [{"x": goal[0], "y": goal[1]}],
         "interaction": _interactions(scene, recorded["interactions"]),
         "objects": [
-            {"id": thing.id, **_size(thing.shape), **entity}
-            for thing, entity in zip(scene.furniture, entities[people:], strict=True)
+            {"id": id, **_size(shape), **entity} for (id, shape), entity in zip(things, entities[people:], strict=True)
         ],
         "people": [{"id": human.id, **entity} for human, entity in zip(scene.humans, entities, strict=False)],
         "timestamp": stamp,
@@ -397,5 +399,5 @@ FORMAT = Format(
     ".json",
     import_,
     export=export,
-    options=frozenset({"original"}),
+    options=frozenset({"original"}) | ROBOT_OPTIONS,
 )

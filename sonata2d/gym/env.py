@@ -26,7 +26,7 @@ from ..errors import ControllerError, SceneError
 from ..metrics.catalogue import NEEDING_RERUN, select_metrics
 from ..metrics.definition import Metric
 from ..metrics.measurement import measure
-from ..record.reader import record_from_document
+from ..record.record import record_from_document
 from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig

@@ -25,7 +25,7 @@ from ..core.compiled.packing import Packed
 from ..core.portable_math import Array, BoolArray, IntArray
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
-from ..core.wording import shown
+from ..core.wording import counted, shown
 from ..errors import ControllerError
 from ..sim.episode import Episode
 from ..sim.inputs import Inputs
@@ -390,6 +390,11 @@ class _Running:
     member: Packed[Member]
 
     def __init__(self, scene: Scene, key: Hashable, encoder: Encoder) -> None:
+        if scene.robots:
+            raise ValueError(
+                f"{scene.title} has {counted(1 + len(scene.robots), 'robot')}; vectors and Worlds take scenes with one "
+                "robot, SocialNavEnv takes several"
+            )
         self.scene, self.key, self.world, self.crowd = scene, key, World(scene), Crowd(scene)
         if not self.crowd.is_compiled:
             raise TypeError(

@@ -7,7 +7,7 @@ from collections.abc import Container, Iterable, Iterator
 
 from ..errors import MetricError, PluginWarning
 from ..registry import METRICS as PLUGINS, did_you_mean
-from . import disturbance, driving, interactions, outcomes, paths, space
+from . import disturbance, driving, fleet, interactions, outcomes, paths, space
 from .definition import Metric
 from .interop import VARIANTS
 
@@ -17,6 +17,7 @@ FAMILIES: dict[str, tuple[Metric, ...]] = {
     "Distance to people and obstacles": space.METRICS,
     "Interactions": interactions.METRICS,
     "Effect on people": disturbance.METRICS,
+    "Several robots": fleet.METRICS,
     "Delay of the driver": driving.METRICS,
 }
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..agents.pedestrians.crowd import Crowd
-from ..core.entities import Human, Robot
+from ..core.entities import ROBOT_ID, Human, Robot
 from ..core.geometry import Pose, Twist
 from ..core.humans import X, Y
 from ..core.portable_math import Array, BoolArray
@@ -92,11 +92,12 @@ def _walks(human: Human) -> bool:
 
 
 def _scene_without_robot(scene: Scene) -> Scene:
-    """The scene with its robot far away and ignored, so that random streams are drawn as with the robot."""
+    """The scene with its robot far away and ignored, so that random streams are drawn as with the robot; alone."""
+    scene = scene.seen_by(ROBOT_ID)
     x, y = scene.outline.max(axis=0).tolist()
     robot: Robot = replace(scene.robot, pose=Pose(x + _DISTANCE_FROM_ROOM, y + _DISTANCE_FROM_ROOM))
     humans = tuple(replace(human, reacts_to_robot=0.0) for human in scene.humans)
-    return replace(scene, robot=robot, humans=humans, rules=replace(scene.rules, ends_on=()))
+    return replace(scene, robot=robot, robots=(), humans=humans, rules=replace(scene.rules, ends_on=()))
 
 
 @metric("share", "more", needs={"robot", "humans.desired_speed"})

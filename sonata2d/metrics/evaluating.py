@@ -27,7 +27,7 @@ from ..errors import ConfigError, RecordError, Sonata2dError
 from ..record.files import safe_texts
 from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.load import scenario_of
-from . import driving
+from . import driving, fleet
 from .catalogue import headline_metrics, select_metrics
 from .comparison import Comparison
 from .evaluation import Evaluation, Measured
@@ -110,8 +110,9 @@ def evaluate(
         generated = _generated(controllers, configs, root, episodes, seed, pool, bar, folder)
         sources = {label: generated.get(label, [subject]) for label, subject in labelled.items()}
         evaluations = _measured(sources, pool, bar, rerun=rerun, resamples=resamples)
-    if not metrics:  # of runs that people drove in a browser, how late they saw the world
-        selected += tuple(m for m in driving.METRICS if any(evaluation.values(m.name) for evaluation in evaluations))
+    if not metrics:  # of several robots; and of runs that people drove in a browser, how late they saw the world
+        rare = (*fleet.METRICS, *driving.METRICS)
+        selected += tuple(m for m in rare if any(evaluation.values(m.name) for evaluation in evaluations))
     comparison = Comparison(sources, evaluations, selected, is_selected=bool(metrics))
     if out is not None:
         write_json(root / COMPARISON, comparison.to_json())

@@ -31,8 +31,10 @@ class Measured:
         seed, episode: as in the file.
         scene: hash of the scene, equal for episodes that start alike, whatever the controller; see `scene_hash`.
         outcome: status with which the episode ended.
-        values: value of each metric; None where it is not defined, or was not measured.
+        values: value of each metric; None where it is not defined, or was not measured. Of several robots together: the
+            sum of counts, the worst of 0/1, and the mean of others.
         lacks: the data that the source of an imported episode lacks, names in `definition.NEEDS`.
+        robots: of several robots, the values of each one until it reaches its goal, by id.
     """
 
     file: str
@@ -45,6 +47,7 @@ class Measured:
     outcome: str
     values: dict[str, float | None]
     lacks: tuple[str, ...] = ()
+    robots: dict[int, dict[str, float | None]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -154,7 +157,7 @@ class Evaluation:
                 "by_family": {name: self._summaries([e for e in self.episodes if e.family == name])
                               for name in families},
             },
-            "episodes": [asdict(episode) for episode in self.episodes],
+            "episodes": [_row(episode) for episode in self.episodes],
         }  # fmt: skip
 
     def _by_scene(self, name: str) -> dict[str, dict[str, float]]:
@@ -171,3 +174,9 @@ class Evaluation:
     def _summaries(self, episodes: Sequence[Measured]) -> dict[str, Any]:
         names = self.episodes[0].values if self.episodes else ()  # also for an empty selection
         return {name: self._summarise(name, episodes).to_json() for name in names}
+
+
+def _row(episode: Measured) -> dict[str, Any]:
+    row = asdict(episode)
+    robots = row.pop("robots")
+    return row | ({"robots": {str(id): values for id, values in robots.items()}} if robots else {})

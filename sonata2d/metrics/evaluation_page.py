@@ -22,6 +22,7 @@ from ..record.layout import software_versions
 from ..record.reader import read_episode
 from ..version import PHYSICS_VERSION
 from ..view.stills import filmstrip
+from . import fleet
 from .catalogue import FAMILIES, METRICS
 from .definition import ARROWS, DEFINITIONS_VERSION, Metric
 from .evaluation import EVENTS, MARK, Evaluation, Measured
@@ -78,7 +79,7 @@ def page_of(
     Raises:
         RecordError: an episode file cannot be read.
     """
-    shown = page_metrics() if metrics is None else metrics
+    shown = (*page_metrics(), *fleet.METRICS) if metrics is None else metrics  # those that are not defined are left out
     strips = []
     for evaluation, evaluation_files in zip(evaluations, files, strict=True) if files else ():
         strips.append(_film_strips(evaluation.episodes, evaluation_files))

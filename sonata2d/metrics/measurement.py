@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from functools import partial
 from pathlib import Path
+from statistics import fmean
 
 import orjson
 
@@ -36,10 +37,10 @@ logger = logging.getLogger(__name__)
 def measure(
     record: EpisodeRecord, metrics: Iterable[Metric] = tuple(ALL.values()), *, rerun: bool = True
 ) -> dict[str, float | None]:
-    """Compute metrics of one episode.
+    """Compute metrics of one episode; of several robots, those of one until it reaches its goal.
 
     Args:
-        record: the episode.
+        record: the episode; `record.seen_by(id)` is that of another robot.
         metrics: by default all, with the variants of other projects.
         rerun: whether to run the seed again without a robot, for the metrics of its effect on humans. This takes as
             long as an episode, and is skipped for episodes made by another version of the physics.
@@ -47,6 +48,7 @@ def measure(
     Returns:
         Value by name; None where a metric is not defined, or where an imported episode lacks the data.
     """
+    record = record.until_arrival()
     return _values(Trajectory(record, without_robot(record) if rerun else None), metrics, missing_data(record))
 
 
@@ -132,7 +134,11 @@ def _measure_file(path: Path, runs: list[RunWithoutRobot] | None) -> Measured:
             f"{path} cannot be run without the robot: {cause}; --no-rerun (rerun=False) leaves out the "
             "metrics of its effect on people"
         ) from error
-    lacks = missing_data(record)
+    lacks, robots = missing_data(record), dict[int, dict[str, float | None]]()
+    if len(record.robot_ids) > 1:
+        for robot_id in record.robot_ids:
+            trajectory = Trajectory(record.seen_by(robot_id).until_arrival(), undisturbed)
+            robots[robot_id] = _values(trajectory, ALL.values(), lacks)
     return Measured(
         file=path.name,
         sha256=hashlib.sha256(stored).hexdigest(),
@@ -142,9 +148,26 @@ def _measure_file(path: Path, runs: list[RunWithoutRobot] | None) -> Measured:
         episode=record.episode,
         scene=scene_hash(record),
         outcome=record.outcome.status,
-        values=_values(Trajectory(record, undisturbed), ALL.values(), lacks),
+        values=_together(robots) if robots else _values(Trajectory(record, undisturbed), ALL.values(), lacks),
         lacks=tuple(sorted(lacks)),
+        robots=robots,
     )
+
+
+def _together(robots: dict[int, dict[str, float | None]]) -> dict[str, float | None]:
+    """The values of several robots together, see `Measured`."""
+    values: dict[str, float | None] = {}
+    for name, metric in ALL.items():
+        defined = [value for each in robots.values() if (value := each[name]) is not None]
+        if not defined:
+            values[name] = None
+        elif metric.unit == "count":
+            values[name] = sum(defined)
+        elif metric.unit == "0/1":
+            values[name] = min(defined) if metric.better == "more" else max(defined)
+        else:
+            values[name] = round(fmean(defined), 6)
+    return values
 
 
 def _values(trajectory: Trajectory, metrics: Iterable[Metric], lacks: frozenset[str]) -> dict[str, float | None]:

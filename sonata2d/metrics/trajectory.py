@@ -20,8 +20,8 @@ from ..record.motion import OMEGA, THETA, VX, VY
 from ..record.record import EpisodeRecord
 from .shortest_path import shortest_length
 
-Kind = Literal["human", "object", "wall"]
-Outline = tuple[Kind, int]  # kind, and id of the human or object or index of the wall
+Kind = Literal["human", "object", "wall", "robot"]
+Outline = tuple[Kind, int]  # kind, and id of the human, object or robot, or index of the wall
 Fault = tuple[bool, bool]  # whether the robot's own velocity, and the other's, closes the gap
 
 
@@ -138,7 +138,7 @@ class Trajectory:
         return len(self.scene.robot.outline.core) == 1
 
     def _gaps(self, lines: Array) -> Array:
-        """(L, M), m, between the robot's outline and thick lines, (L or 1, M, 5)."""
+        """(L, M), m, between the robot's outline and thick lines, (L or 1, M, 5): both ends and the radius, m."""
         return outline_gaps(self.scene.robot.outline, self.position, unit_vectors(self.heading), lines)
 
     @cached_property
@@ -224,6 +224,21 @@ class Trajectory:
         if self.is_disc:
             return self.scene.barriers.gaps(self.position) - self.radius
         return self._gaps(self.scene.barriers.table[None, :, :5]).T
+
+    @cached_property
+    def robot_clearance(self) -> Array:
+        """(L, M), m, from the robot's outline to each side of the other robots' outlines, negative where they overlap.
+
+        Sides are in the order of the robots; a disc has one.
+        """
+        lines, rows = [np.empty((len(self), 0, 5))], self.record.states.robots[: len(self)]
+        for k, other in enumerate(self.scene.robots):
+            outline, direction = other.robot.outline, unit_vectors(rows[:, k, THETA])
+            core, c, s = np.array(outline.core), direction[:, :1], direction[:, 1:]
+            x, y = rows[:, k, :1] + c * core[:, 0] - s * core[:, 1], rows[:, k, 1:2] + s * core[:, 0] + c * core[:, 1]
+            ends = (x, y, np.roll(x, -1, axis=1), np.roll(y, -1, axis=1), np.full_like(x, outline.rounding))
+            lines.append(np.stack(ends, axis=-1))
+        return self._gaps(np.concatenate(lines, axis=1))
 
     @cached_property
     def collisions(self) -> list[Collision]:

@@ -11,7 +11,7 @@ from ..core.portable_math import Array
 from ..core.snapshot import Contact
 from .layout import COMMAND_NAMES, JsonDict
 
-CONTACT_KINDS = ("human", "object", "wall")
+CONTACT_KINDS = ("human", "object", "wall", "robot")
 ANY_KIND = "any"
 _LIMIT_TOLERANCE = 2e-4  # m/s, rad/s: recorded commands are rounded to 1e-4
 
@@ -48,8 +48,8 @@ def count_contacts(contacts: Iterable[Iterable[Contact]]) -> dict[str, dict[str,
         contacts: of each of the T + 1 states.
 
     Returns:
-        By kind of contact (human, object, wall, and any): number of frames, and number of frames in which the robot
-        or the other side is at fault; both can be, or neither. Kinds without a contact are left out.
+        By kind of contact (human, object, wall, robot, and any): number of frames, and number of frames in which the
+        robot or the other side is at fault; both can be, or neither. Kinds without a contact are left out.
     """
     counts: dict[str, dict[str, int]] = {}
     for state in contacts:

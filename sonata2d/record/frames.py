@@ -16,18 +16,20 @@ from ..core.state import EXECUTED_VX, GUARDED, HUMAN_SIZE, ROBOT_SIZE
 from .canonical import dumps, require_finite, rounded, rounded_rows
 from .layout import ABSENT, COMMAND_NAMES, HUMAN_ANGLES, HUMAN_NAMES, ROBOT_ANGLES, ROBOT_NAMES, interaction_rows
 
-Answer = tuple[Sequence[float], Any]  # of a frame: command vx, vy, omega, and label as a JSON value
+Command = Sequence[float]  # vx, vy, omega
+# Of a frame: command, label as a JSON value, and the same of the other robots.
+Answer = tuple[Command, Any, tuple[tuple[Command, Any], ...]]
 
 
 class Segment(NamedTuple):
     """Consecutive states that differ in their numbers only, as references to what snapshots hold.
 
     Attributes:
-        rows: (T, 13 + 9 N), `State.row` of each.
+        rows: (T, 13 + 9 N + 13 M), `State.row` of each.
         tick: of the first.
         times: (T,), s.
         activity, is_present: of `State`.
-        interactions, contacts: of `Snapshot`.
+        interactions, contacts, contacts_of_robots: of `Snapshot`.
         events: of the first.
     """
 
@@ -39,6 +41,7 @@ class Segment(NamedTuple):
     interactions: tuple[Interaction, ...]
     contacts: tuple[Contact, ...]
     events: tuple[DeviceEvent, ...]
+    contacts_of_robots: tuple[tuple[Contact, ...], ...] = ()
 
     @classmethod
     def of(cls, frames: Frames) -> Segment:
@@ -59,7 +62,7 @@ def segment_of(snapshot: Snapshot) -> Segment:
     row, activity, is_present = snapshot.state
     return Segment(
         row.reshape(1, -1), snapshot.tick, (snapshot.time,), activity, is_present, snapshot.interactions,
-        snapshot.contacts, snapshot.events,
+        snapshot.contacts, snapshot.events, snapshot.contacts_of_robots,
     )  # fmt: skip
 
 
@@ -68,11 +71,14 @@ _POSITION, _VELOCITY, _OMEGA = slice(0, Y + 1), slice(VX, VY + 1), slice(OMEGA, 
 _BODY, _GAZE = slice(BODY_X, BODY_Y + 1), slice(GAZE_X, GAZE_Y + 1)
 _EXECUTED = slice(EXECUTED_VX, EXECUTED_VX + 3)
 
-_STATE = b'{"tick":%b,"time":%b,"robot":%b,"humans":%b,"activity":%b,"interactions":%b,"contacts":%b%b}'
+_STATE = b'{"tick":%b,"time":%b,"robot":%b,"humans":%b,"activity":%b,"interactions":%b,"contacts":%b%b%b}'
 _FRAME = (
     b'{"tick":%b,"time":%b,"robot":%b,"command":%b,"executed":%b,"guarded":%b,"humans":%b,"activity":%b,'
-    b'"interactions":%b,"contacts":%b,"events":%b%b}'
+    b'"interactions":%b,"contacts":%b%b,"events":%b%b}'
 )
+# of another robot: the keys that the frame has for the first one
+_OTHER = b'{"robot":%b,"command":%b,"executed":%b,"guarded":%b,"contacts":%b%b}'
+_OTHER_STATE = b'{"robot":%b,"contacts":%b}'
 _NULL_ROW = dumps([None] * len(HUMAN_NAMES))
 
 
@@ -112,8 +118,9 @@ def frame_lines(segments: Sequence[Segment], answers: Sequence[Answer], ids: lis
         each = [nobody if segment.is_present is None else ~segment.is_present for segment in segments]
         absent = np.repeat(each, lengths, axis=0)
     robot, executed, humans = _rounded_columns(table, absent, ids, tick[0])
-    command = np.array([command for command, _ in answers], dtype=float).reshape(-1, 3)
+    command = np.array([command for command, _, _ in answers], dtype=float).reshape(-1, 3)
     require_finite(command, COMMAND_NAMES, "the command", tick=tick[0])
+    others, others_at_end = _others(table[:, ROBOT_SIZE + HUMAN_SIZE * len(ids) :], segments, answers, lengths)
     time = rounded(np.array([time for segment in segments for time in segment.times], dtype=float))
     require_finite(time[:, None], ("time",), "the state", tick=tick[0])
     people = _items(humans)
@@ -131,14 +138,57 @@ def frame_lines(segments: Sequence[Segment], answers: Sequence[Answer], ids: lis
         "activity": _repeated([segment[3:5] for segment in segments], _activity_of_present, lengths),
         "interactions": _repeated([segment.interactions for segment in segments], interaction_rows, lengths),
         "contacts": _repeated([segment.contacts for segment in segments], list, lengths),
+        "robots": others,
         "events": events,
-        "label": [b"" if label is None else b',"label":' + dumps(label) for _, label in answers],
+        "label": [_label(label) for _, label, _ in answers],
     }
     # the last state belongs to no frame: the shorter columns end before it
     frames = [_FRAME % values for values in zip(*columns.values(), strict=False)]
     of_last = ("tick", "time", "robot", "humans", "activity", "interactions", "contacts")
     last_events = b',"events":' + events[-1] if segments[-1].events else b""
-    return frames, _STATE % (*(columns[key][-1] for key in of_last), last_events)
+    return frames, _STATE % (*(columns[key][-1] for key in of_last), others_at_end, last_events)
+
+
+def _label(label: Any) -> bytes:
+    return b"" if label is None else b',"label":' + dumps(label)
+
+
+def _others(
+    table: Array, segments: Sequence[Segment], answers: Sequence[Answer], lengths: Sequence[int]
+) -> tuple[list[bytes], bytes]:
+    """Serialise the other robots, in each frame and in the last state; nothing if there are none.
+
+    Args:
+        table: (T + 1, 13 M), their columns of `State.row`.
+        segments, answers: see `frame_lines`.
+        lengths: of the segments.
+
+    Raises:
+        RecordError: a number is not finite, or JSON cannot represent a label.
+    """
+    count, tick = table.shape[1] // ROBOT_SIZE, segments[0].tick
+    if not count:
+        return [b""] * len(answers), b""
+    of_frames, at_end = [], []
+    for k in range(count):
+        rows = table[:, ROBOT_SIZE * k : ROBOT_SIZE * (k + 1)]
+        robot, executed, _ = _rounded_columns(rows, None, [], tick)
+        command = np.array([others[k][0] for _, _, others in answers], dtype=float).reshape(-1, 3)
+        require_finite(command, COMMAND_NAMES, "the command", tick=tick)
+        states = _items(robot)
+        contacts = _repeated([segment.contacts_of_robots[k] for segment in segments], list, lengths)
+        columns = (
+            states,
+            _items(rounded(command)),
+            _items(executed[1:]),
+            [b"true" if guarded else b"false" for guarded in rows[1:, GUARDED].tolist()],
+            contacts,
+            [_label(others[k][1]) for _, _, others in answers],
+        )
+        of_frames.append([_OTHER % values for values in zip(*columns, strict=False)])
+        at_end.append(_OTHER_STATE % (states[-1], contacts[-1]))
+    lines = [b',"robots":[%b]' % b",".join(each) for each in zip(*of_frames, strict=True)]
+    return lines, b',"robots":[%b]' % b",".join(at_end)
 
 
 def _rounded_columns(table: Array, absent: BoolArray | None, ids: list[int], tick: int) -> tuple[Array, Array, Array]:
@@ -155,7 +205,7 @@ def _rounded_columns(table: Array, absent: BoolArray | None, ids: list[int], tic
         absent.
     """
     robot, executed = table[:, :ROBOT_SIZE], table[:, _EXECUTED]
-    humans = table[:, ROBOT_SIZE:].reshape(len(table), len(ids), HUMAN_SIZE)
+    humans = table[:, ROBOT_SIZE : ROBOT_SIZE + HUMAN_SIZE * len(ids)].reshape(len(table), len(ids), HUMAN_SIZE)
     directions = np.concatenate((robot[:, None, _BODY], humans[..., _BODY], humans[..., _GAZE]), axis=1)
     theta, body, gaze = np.split(arctan2(directions[..., 1], directions[..., 0]), (1, 1 + len(ids)), axis=1)
     robot = np.concatenate((robot[:, _POSITION], theta, robot[:, _VELOCITY], robot[:, _OMEGA]), axis=1)

@@ -8,7 +8,21 @@ from collections.abc import Iterable
 from functools import cache
 from typing import Any, TypeVar
 
-from ..core.entities import Door, Furniture, Goal, Group, Human, Interaction, Limits, Place, Queue, Robot, Wall
+from ..core.entities import (
+    ROBOT_ID,
+    Door,
+    Furniture,
+    Goal,
+    Group,
+    Human,
+    Interaction,
+    Limits,
+    OtherRobot,
+    Place,
+    Queue,
+    Robot,
+    Wall,
+)
 from ..core.geometry import Disc, Polygon, Pose, Rectangle
 from ..core.scene import Rules, Scene, Social, Unmeasured
 from ..version import __version__
@@ -38,6 +52,8 @@ def columns() -> dict[str, list[dict[str, str]]]:
 
 def format_version(scene: Scene) -> int:
     """The oldest version of the format that can hold an episode of a scene."""
+    if scene.robots:
+        return 2
     robot = scene.robot
     is_known = robot.shape is None and robot.drive is None and robot.kinematics in ("holonomic", "unicycle")
     has_polygons = any(isinstance(thing.shape, Polygon) for thing in scene.furniture)
@@ -59,6 +75,7 @@ def scene_to_json(scene: Scene) -> JsonDict:
         "interactions": interaction_rows(scene.interactions),
         "robot": _entity_to_json(scene.robot),
         "goal": _fields_of(scene.goal),
+        **({"robots": [_other_to_json(other) for other in scene.robots]} if scene.robots else {}),
         "social": _fields_of(scene.social) if scene.social != Social() else None,
         "dropped": scene.dropped,
     }
@@ -83,6 +100,8 @@ def scene_from_json(document: JsonDict) -> Scene:
         interactions=interactions_from_rows(document["interactions"]),
         robot=_entity_from_json(Robot, document["robot"]),
         goal=_entity_from_json(Goal, document["goal"]),
+        robots=tuple(map(_other_from_json, document.get("robots") or ())),
+        robot_id=document.get("robot_id", ROBOT_ID),
         rules=_entity_from_json(Rules, document["rules"]),
         social=Social() if social is None else _entity_from_json(Social, social),
         seed=document["seed"],
@@ -92,6 +111,22 @@ def scene_from_json(document: JsonDict) -> Scene:
         unmeasured=_unmeasured(document.get("imported") or {}),
         **lists,
     )
+
+
+def human_to_json(human: Human) -> JsonDict:
+    """Return a pedestrian as the file holds it, without rounding."""
+    values: JsonDict = to_json_value(_entity_to_json(human), "human", exact=True)
+    return values
+
+
+def _other_to_json(other: OtherRobot) -> JsonDict:
+    """Return the keys of another robot but those of its controller."""
+    return {"id": other.id, "robot": _entity_to_json(other.robot), "goal": _fields_of(other.goal)}
+
+
+def _other_from_json(values: JsonDict) -> OtherRobot:
+    robot, goal = _entity_from_json(Robot, values["robot"]), _entity_from_json(Goal, values["goal"])
+    return OtherRobot(values["id"], robot, goal, values["controller"]["path"])
 
 
 def _unmeasured(imported: JsonDict) -> frozenset[Unmeasured]:

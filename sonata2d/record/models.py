@@ -18,7 +18,7 @@ from pydantic_core import CoreSchema
 from ..core.bounds import Count, Id, NotNegative, Number, Positive
 from ..core.devices import DeviceEvent
 from ..core.entities import Door, Furniture, Goal, Group, Human, Place, Queue, Robot
-from ..core.files.limits import MAX_COUNT
+from ..core.files.limits import MAX_COUNT, MAX_ROBOTS
 from ..core.geometry import Disc, Point, Polygon, Pose, Rectangle, checked_corners
 from ..core.labels import LabelSpec
 from ..core.scene import Rules, Social
@@ -159,6 +159,16 @@ class Controller(Part):
     settings: dict[str, Any] | None = Field(description="its settings, not rounded")
 
 
+class OtherRobot(Part):
+    """A robot besides the first one. Its keys but the id are those that the file has for the first robot."""
+
+    id: Id = Field(description="unique among robots, pedestrians and objects; 0 is the first robot")
+    robot: Annotated[Robot, _FileForm(shape=_SolidOutline | None)]
+    goal: _InFile[Goal]
+    controller: Controller
+    labels: dict[str, str] | None
+
+
 class Branch(Part):
     """The episode with which this one shares its first frames."""
 
@@ -230,6 +240,27 @@ class Outcome(Part):
     reason: str
     tick: Count
     time: NotNegative = Field(description="s")
+    arrivals: list[Count | None] | None = Field(
+        default=None,
+        description="tick at which each robot reached its goal, the first one first; null: it did not; absent if there "
+        "is one robot",
+    )
+
+
+class OtherState(Part):
+    """State of another robot at a tick."""
+
+    robot: _RobotRow = Field(description="x, y, theta, vx, vy, omega")
+    contacts: list[_Contact] = Field(description="of this robot, during the previous tick")
+
+
+class OtherFrame(OtherState):
+    """State of another robot at a tick, and the answer of its controller."""
+
+    command: _TwistRow = Field(description="the controller's command: vx, vy, omega")
+    executed: _TwistRow = Field(description="mean velocity of the robot in the tick that begins here: vx, vy, omega")
+    guarded: bool = Field(description="whether the safety guard intervened during the tick that begins here")
+    label: Any = Field(default=None, description="any JSON value; without this key the command itself is the label")
 
 
 class State(Part):
@@ -257,6 +288,9 @@ class LastLook(State):
     command: _TwistRow | None = Field(
         default=None, description="vx, vy, omega; only in episodes imported from a format that has a last command"
     )
+    robots: list[OtherState] | None = Field(
+        default=None, description="the other robots, in the order of the top-level `robots`; absent if there are none"
+    )
 
 
 class Frame(State):
@@ -269,6 +303,9 @@ class Frame(State):
     guarded: bool = Field(description="whether the safety guard intervened during the tick that begins here")
     events: list[_Event] = Field(description="of input devices, since the previous frame")
     label: Any = Field(default=None, description="any JSON value; without this key the command itself is the label")
+    robots: list[OtherFrame] | None = Field(
+        default=None, description="the other robots, in the order of the top-level `robots`; absent if there are none"
+    )
 
 
 class Software(Part):
@@ -286,7 +323,7 @@ class Episode(Part):
 
     format: Literal[FORMAT]  # type: ignore[valid-type]
     version: Literal[1, 2] = Field(
-        description="1; 2 with polygons, robots that are no discs, or drives that version 1 does not have"
+        description="1; 2 with polygons, several robots, robots that are no discs, or drives that 1 does not have"
     )
     id: str = Field(description="of the episode")
     name: str = Field(description="of the scenario")
@@ -310,6 +347,9 @@ class Episode(Part):
     interactions: list[_InteractionRow] = Field(description="at the start: [src, relation, dst]")
     robot: Annotated[Robot, _FileForm(shape=_SolidOutline | None)]
     goal: _InFile[Goal]
+    robots: list[OtherRobot] | None = Field(
+        default=None, max_length=MAX_ROBOTS, description="the other robots; absent if there are none"
+    )
     social: _InFile[Social] | None = Field(description="social behaviour during the episode; null: none")
     dropped: list[str] = Field(description="requested items that could not be placed")
     controller: Controller

@@ -7,22 +7,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import orjson
 
 from ..core.files.limits import MAX_FILE_BYTES
 from ..core.files.locations import is_remote, location
-from ..core.humans import frozen
-from ..core.portable_math import Array
-from ..core.snapshot import Outcome
 from ..core.wording import shown
 from ..errors import NewerFormatError, RecordError
 from ..version import FORMAT, FORMAT_VERSION, LAST_RELEASE
 from .files import read_bytes, unpacked
-from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
-from .record import EpisodeRecord, States
+from .layout import JsonDict
+from .record import EpisodeRecord, record_from_document
 from .shard_file import is_member, is_shard, members_of, read_members
 from .validate import require_valid
 
@@ -96,25 +91,6 @@ def without_garbage_collection() -> Iterator[None]:
             gc.enable()
 
 
-def record_from_document(document: JsonDict, path: Path) -> EpisodeRecord:
-    """Create a record from a document of this format version.
-
-    Args:
-        document: valid, see `validate.require_valid`.
-        path: of the file.
-    """
-    frames, outcome = document["frames"], document["outcome"]
-    return EpisodeRecord(
-        path=path,
-        document=document,
-        states=_stack_states([*frames, document["final"]], len(document["humans"])),
-        command=_stack([frame["command"] for frame in frames], len(COMMAND_NAMES)),
-        executed=_stack([frame["executed"] for frame in frames], len(COMMAND_NAMES)),
-        guarded=frozen(np.array([frame["guarded"] for frame in frames], dtype=bool)),
-        outcome=Outcome(outcome["status"], outcome["reason"], outcome["tick"], outcome["time"]),
-    )
-
-
 def _document_of(content: bytes, path: Path) -> JsonDict:
     """Parse the content of a file of this format.
 
@@ -143,26 +119,3 @@ def _document_of(content: bytes, path: Path) -> JsonDict:
             f"{path} has physics version {physics}; sonata2d {LAST_RELEASE[physics]} is the last release that reads it"
         )
     return document
-
-
-def _stack_states(states: list[JsonDict], human_count: int) -> States:
-    activity = np.array([state["activity"] for state in states], dtype=np.int64).reshape(len(states), human_count)
-    absent_row = [np.nan] * len(HUMAN_NAMES)
-    humans = [[absent_row if row is None else row for row in state["humans"]] for state in states]
-    return States(
-        tick=frozen(np.array([state["tick"] for state in states], dtype=np.int64)),
-        time=_stack([state["time"] for state in states]),
-        robot=_stack([state["robot"] for state in states], len(ROBOT_NAMES)),
-        humans=_stack(humans, human_count, len(HUMAN_NAMES)),
-        present=frozen(activity != ABSENT),
-        activity=frozen(activity),
-    )
-
-
-def _stack(values: list[Any], *shape: int) -> Array:
-    """Stack the values of one key of all states into a read-only array, (T, *shape).
-
-    Raises:
-        ValueError: the values are not of this shape.
-    """
-    return frozen(np.array(values, dtype=np.float64).reshape(len(values), *shape))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, SupportsIndex, overload
@@ -12,6 +12,7 @@ import numpy as np
 
 from ..core.devices import NETWORK_DEVICE, ROUND_TRIP, DeviceEvent
 from ..core.drawable import Drawable
+from ..core.entities import OtherRobot
 from ..core.geometry import Twist
 from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, Humans, X, Y, frozen
 from ..core.labels import LabelSpec
@@ -23,6 +24,10 @@ from ..view.drawing import Drawing, drawing_of
 from .counts import run_counts
 from .frames import never_entered
 from .layout import (
+    ABSENT,
+    COMMAND_NAMES,
+    HUMAN_NAMES,
+    ROBOT_NAMES,
     ROW_HEAD,
     ROW_OMEGA,
     ROW_THETA,
@@ -34,6 +39,7 @@ from .layout import (
     interactions_from_rows,
     scene_from_json,
 )
+from .views import document_seen_by, document_until_arrival
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,6 +50,7 @@ class States:
         tick: (T + 1,) of int.
         time: (T + 1,), s.
         robot: (T + 1, 6), columns x, y, theta, vx, vy, omega; SI units, world frame.
+        robots: (T + 1, M, 6), the same columns of the M other robots.
         humans: (T + 1, N, 7), columns x, y, theta, vx, vy, omega, head; SI units, world frame; NaN where not present.
         present: (T + 1, N) of bool.
         activity: (T + 1, N) of int, into `relations.ACTIVITIES`; -1 where not present.
@@ -52,6 +59,7 @@ class States:
     tick: IntArray
     time: Array
     robot: Array
+    robots: Array
     humans: Array
     present: BoolArray
     activity: IntArray
@@ -126,6 +134,29 @@ class EpisodeRecord(Drawable):
         return f"<EpisodeRecord {self.id} of {self.family}: {frames}, {self._end}, {people}, {self.outcome.status}>"
 
     @property
+    def robot_ids(self) -> tuple[int, ...]:
+        """Ids of all robots; that of `robot` first, which is 0 but in a view of another robot."""
+        return self._scene.robot_ids
+
+    def seen_by(self, robot_id: int) -> EpisodeRecord:
+        """The episode with another robot in the place of the first: `robot`, `command`, contacts, goal, controller.
+
+        Raises:
+            KeyError: there is no such robot.
+        """
+        return self._with_document(document_seen_by(self.document, robot_id))
+
+    def until_arrival(self) -> EpisodeRecord:
+        """The episode up to the tick at which its robot reached its goal; itself if there is one robot, or it did not.
+
+        An episode of several robots goes on until all have arrived; metrics are of each robot until it arrives.
+        """
+        return self._with_document(document_until_arrival(self.document))
+
+    def _with_document(self, document: JsonDict) -> EpisodeRecord:
+        return self if document is self.document else record_from_document(document, self.path)
+
+    @property
     def _end(self) -> str:
         return f"{float(self.states.time[-1]):g} s"
 
@@ -137,6 +168,7 @@ class EpisodeRecord(Drawable):
             "outcome": f"{self.outcome.status}: {self.outcome.reason}",
             "length": f"{self._end}, {counted(len(self), 'frame')}",
             "people": self.states.humans.shape[1],
+            **({"robots": len(self.robot_ids)} if len(self.robot_ids) > 1 else {}),
             "contacts": self._contacts_text(),
         }
 
@@ -199,10 +231,8 @@ class EpisodeRecord(Drawable):
     @cached_property
     def controller_info(self) -> ControllerInfo:
         """The robot's controller, and the meaning of its labels."""
-        controller = self.document["controller"]
-        return ControllerInfo(
-            controller["path"], controller["version"], controller["settings"], self.document["labels"]
-        )
+        others = tuple(_controller_info(other) for other in self.document.get("robots") or ())
+        return replace(_controller_info(self.document), others=others)
 
     @property
     def tick(self) -> IntArray:
@@ -218,6 +248,11 @@ class EpisodeRecord(Drawable):
     def robot(self) -> Array:
         """(T, 6), columns x, y, theta, vx, vy, omega; SI units, world frame."""
         return self.states.robot[:-1]
+
+    @property
+    def robots(self) -> Array:
+        """(T, M, 6), the same columns of the M other robots."""
+        return self.states.robots[:-1]
 
     @property
     def humans(self) -> Array:
@@ -293,11 +328,18 @@ class EpisodeRecord(Drawable):
         """
         t = range(len(self) + 1)[index]
         state = self.document["frames"][t] if t < len(self) else self.document["final"]
+        robots, others = self._scene.robots, state.get("robots") or ()
+        before = self.document["frames"][t - 1].get("robots") or () if t else others
         return Snapshot(
             tick=int(self.states.tick[t]),
             time=float(self.states.time[t]),
             scene=self._scene,
             robot=self._robot_state(t),
+            robots=tuple(
+                _other_robot(other, now, last if t else {})
+                for other, now, last in zip(robots, others, before, strict=True)
+            ),
+            contacts_of_robots=tuple(tuple(map(_contact, other["contacts"])) for other in others),
             humans=self._present_humans(t),
             interactions=interactions_from_rows(state["interactions"]),
             contacts=tuple(_contact(row) for row in state["contacts"]),
@@ -311,14 +353,16 @@ class EpisodeRecord(Drawable):
     def frames(self) -> Iterator[Frame]:
         """Iterate over the T frames; the label is None where a frame has none."""
         for t, frame in enumerate(self.document["frames"]):
-            yield Frame(self.snapshot(t), Twist(*self.command[t].tolist()), frame.get("label"))
+            others = tuple((Twist(*other["command"]), other.get("label")) for other in frame.get("robots") or ())
+            yield Frame(self.snapshot(t), Twist(*self.command[t].tolist()), frame.get("label"), others)
 
     def _robot_state(self, t: int) -> RobotState:
         x, y, theta, vx, vy, omega = self.states.robot[t].tolist()
         # a snapshot holds what was executed before it, a frame what was executed after it
         executed = Twist(*self.executed[t - 1].tolist()) if t > 0 else Twist()
         guarded = bool(self.guarded[t - 1]) if t > 0 else False
-        return RobotState((x, y), unit_vector(theta), (vx, vy), omega, executed, guarded, self._scene.robot)
+        body, id = self._scene.robot, self._scene.robot_id
+        return RobotState((x, y), unit_vector(theta), (vx, vy), omega, executed, guarded, body, id)
 
     def _present_humans(self, t: int) -> Humans:
         rows, present = self.states.humans[t], self.states.present[t]
@@ -331,9 +375,78 @@ class EpisodeRecord(Drawable):
         return humans.select(np.flatnonzero(present))
 
 
+def record_from_document(document: JsonDict, path: Path) -> EpisodeRecord:
+    """Create a record from a document of this format version.
+
+    Args:
+        document: valid, see `validate.require_valid`.
+        path: of the file.
+    """
+    frames, outcome = document["frames"], document["outcome"]
+    return EpisodeRecord(
+        path=path,
+        document=document,
+        states=_stack_states([*frames, document["final"]], len(document["humans"]), len(document.get("robots") or ())),
+        command=_stack([frame["command"] for frame in frames], len(COMMAND_NAMES)),
+        executed=_stack([frame["executed"] for frame in frames], len(COMMAND_NAMES)),
+        guarded=frozen(np.array([frame["guarded"] for frame in frames], dtype=bool)),
+        outcome=Outcome(
+            outcome["status"], outcome["reason"], outcome["tick"], outcome["time"], tuple(outcome.get("arrivals") or ())
+        ),
+    )
+
+
+def _stack_states(states: list[JsonDict], human_count: int, other_robots: int) -> States:
+    activity = np.array([state["activity"] for state in states], dtype=np.int64).reshape(len(states), human_count)
+    absent_row = [np.nan] * len(HUMAN_NAMES)
+    humans = [[absent_row if row is None else row for row in state["humans"]] for state in states]
+    return States(
+        tick=frozen(np.array([state["tick"] for state in states], dtype=np.int64)),
+        time=_stack([state["time"] for state in states]),
+        robot=_stack([state["robot"] for state in states], len(ROBOT_NAMES)),
+        robots=_stack(
+            [[other["robot"] for other in state["robots"]] if other_robots else [] for state in states],
+            other_robots,
+            len(ROBOT_NAMES),
+        ),
+        humans=_stack(humans, human_count, len(HUMAN_NAMES)),
+        present=frozen(activity != ABSENT),
+        activity=frozen(activity),
+    )
+
+
+def _stack(values: list[Any], *shape: int) -> Array:
+    """Stack the values of one key of all states into a read-only array, (T, *shape).
+
+    Raises:
+        ValueError: the values are not of this shape.
+    """
+    return frozen(np.array(values, dtype=np.float64).reshape(len(values), *shape))
+
+
 @drawing_of.register
 def _(record: EpisodeRecord) -> Drawing:
     return Drawing(list(record.snapshots()), record.outcome.status, record.command.tolist(), record.labels)
+
+
+def _controller_info(robot: JsonDict) -> ControllerInfo:
+    """The controller of a robot by its keys in a document."""
+    controller = robot["controller"]
+    return ControllerInfo(controller["path"], controller["version"], controller["settings"], robot["labels"])
+
+
+def _other_robot(other: OtherRobot, now: JsonDict, before: JsonDict) -> RobotState:
+    """The state of another robot.
+
+    Args:
+        other: the robot.
+        now: its keys in the present frame.
+        before: its keys in the last frame, which holds what was executed since; empty in the first one.
+    """
+    x, y, theta, vx, vy, omega = now["robot"]
+    executed = Twist(*before["executed"]) if before else Twist()
+    guarded = bool(before.get("guarded"))
+    return RobotState((x, y), unit_vector(theta), (vx, vy), omega, executed, guarded, other.robot, other.id)
 
 
 def _contact(row: JsonDict) -> Contact:

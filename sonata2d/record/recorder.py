@@ -31,8 +31,7 @@ from .counts import merged_counts, run_counts
 from .files import file_stem, write_document
 from .frames import Answer, Segment, frame_lines, never_entered, segment_of
 from .layout import JsonDict, columns, format_version, software_versions
-from .reader import record_from_document
-from .record import EpisodeRecord
+from .record import EpisodeRecord, record_from_document
 from .validate import consistent_scene
 
 _SERIALISED_AT_ONCE = 256  # frames
@@ -117,7 +116,11 @@ class EpisodeRecorder:
         snapshot, label, command = frame.snapshot, frame.label, frame.command
         if label is not None:
             label = to_json_value(label, f"label at tick {snapshot.tick}")
-        self._add(segment_of(snapshot), [((command.vx, command.vy, command.omega), label)])
+        others = tuple(
+            ((twist.vx, twist.vy, twist.omega), to_json_value(its_label, f"label at tick {snapshot.tick}"))
+            for twist, its_label in frame.others
+        )
+        self._add(segment_of(snapshot), [((command.vx, command.vy, command.omega), label, others)])
 
     def on_frames(self, frames: Frames) -> None:
         """Record many ticks.
@@ -134,9 +137,9 @@ class EpisodeRecorder:
             except RecordError:
                 self._cut = segment.part(n, n + 1)
                 if n:
-                    self._add(segment.part(0, n), [*zip(commands[:n], labels[:n], strict=True)])
+                    self._add(segment.part(0, n), [*zip(commands[:n], labels[:n], repeat(()), strict=False)])
                 raise
-        self._add(segment, [*zip(commands, labels, strict=True)])
+        self._add(segment, [*zip(commands, labels, repeat(()), strict=False)])
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:
         """End the episode with its final state."""
@@ -202,7 +205,7 @@ class EpisodeRecorder:
     @staticmethod
     def _counts_of(scene: Scene, segments: Sequence[Segment], answers: Sequence[Answer]) -> JsonDict:
         """Counts of some states and answers."""
-        commands = np.array([command for command, _ in answers], dtype=float)
+        commands = np.array([command for command, _, _ in answers], dtype=float)
         touching = (segment for segment in segments if segment.contacts)
         contacts = chain.from_iterable(repeat(segment.contacts, len(segment.rows)) for segment in touching)
         return run_counts(scene.robot, contacts, rounded(commands.reshape(-1, 3)))
@@ -213,7 +216,9 @@ class EpisodeRecorder:
         last = self._segments[-1]
         state = State(last.rows[-1], last.activity, last.is_present)
         tick = last.tick + len(last.rows) - 1
-        return Snapshot.of_state(tick, self.scene, state, last.interactions, last.contacts, last.events)
+        return Snapshot.of_state(
+            tick, self.scene, state, last.interactions, last.contacts, last.events, last.contacts_of_robots
+        )
 
     def _add(self, segment: Segment, answers: list[Answer]) -> None:
         """Add states and the answers to them."""
@@ -262,6 +267,10 @@ class EpisodeRecorder:
         # the label that the driver was asked for, and the label of the whole run
         label_keys = {"label_spec": to_json_value(asdict(spec), "label")} if spec.kind != "command" else {}
         label_keys |= {"label": to_json_value(self.label, "label of the run")} if spec.per_run else {}
+        robots = {}
+        if scene.robots:
+            infos = zip(self._scene_json["robots"], controller_info.others, strict=True)
+            robots = {"robots": [other | _controller_keys(info) for other, info in infos]}
         return {
             "format": FORMAT,
             "version": format_version(scene),
@@ -273,12 +282,8 @@ class EpisodeRecorder:
             "physics": PHYSICS_VERSION,
             "precision": PRECISION,
             **self._scene_json,
-            "controller": {
-                "path": controller_info.path,
-                "version": controller_info.version,
-                "settings": to_json_value(controller_info.settings, "settings of the controller", exact=True),
-            },
-            "labels": to_json_value(controller_info.labels, "meaning of the labels"),
+            **robots,
+            **_controller_keys(controller_info),
             **label_keys,
             "contributor": to_json_value(self._contributor, "contributor"),
             "context": to_json_value(self._context or (scene.settings or {}).get("context"), "context"),
@@ -290,9 +295,22 @@ class EpisodeRecorder:
                 "reason": outcome.reason.encode(errors="replace").decode(),
                 "tick": outcome.tick,
                 "time": quantised(outcome.time),
+                **({"arrivals": outcome.arrivals} if scene.robots else {}),
             },
             **({"never_entered": missing} if missing else {}),
         }
+
+
+def _controller_keys(info: ControllerInfo) -> JsonDict:
+    """The keys of a robot's controller."""
+    return {
+        "controller": {
+            "path": info.path,
+            "version": info.version,
+            "settings": to_json_value(info.settings, "settings of the controller", exact=True),
+        },
+        "labels": to_json_value(info.labels, "meaning of the labels"),
+    }
 
 
 class JsonRecorder(EpisodeRecorder):

@@ -124,7 +124,8 @@ def _depth_findings(document: JsonDict) -> Iterator[Finding]:
 def _id_findings(document: JsonDict) -> Iterator[Finding]:
     """Ids must be unique, and references must refer to existing entities."""
     ids = {key: [row["id"] for row in document[key]] for key in _ENTITIES}
-    of_kinds = {"ids": [ROBOT_ID, *ids["humans"], *ids["objects"]]} | {key: ids[key] for key in _ENTITIES[2:]}
+    robots = [other["id"] for other in document.get("robots") or ()]
+    of_kinds = {"ids": [ROBOT_ID, *robots, *ids["humans"], *ids["objects"]]} | {key: ids[key] for key in _ENTITIES[2:]}
     for kind, numbers in of_kinds.items():
         for id, count in Counter(numbers).items():
             if count > 1:
@@ -196,6 +197,9 @@ def _state_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Find
     """Times must not decrease; a state must have a row for each pedestrian that is present, and null for the others."""
     time = states[0]["time"]
     count, names = len(document["humans"]), document["activities"]
+    robots, arrivals = len(document.get("robots") or ()), document["outcome"].get("arrivals") or ()
+    if len(arrivals) != (1 + robots if robots else 0) or any(tick and tick >= len(states) for tick in arrivals):
+        yield "outcome.arrivals", f"must be a tick or null for each of {1 + robots} robots, got {shown(arrivals)}"
     for t, state in enumerate(states):
         rows, activity = state["humans"], state["activity"]
         if state["tick"] != t:
@@ -205,6 +209,9 @@ def _state_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Find
             yield f"frames.{t}.time", f"is {state['time']} s, but {time} s in the state before"
             return
         time = state["time"]
+        if len(state.get("robots") or ()) != robots:
+            yield f"frames.{t}.robots", f"{len(state.get('robots') or ())} of {robots} other robots"
+            return
         if len(rows) != count or len(activity) != count:
             yield f"frames.{t}.humans", f"{len(rows)} rows and {len(activity)} activities of {count} people"
             return
@@ -220,8 +227,9 @@ def _state_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Find
 def _reference_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Finding]:
     """Interactions and contacts must be between existing entities."""
     humans, things = ({row["id"] for row in document[key]} for key in ("humans", "objects"))
-    known = humans | things | {ROBOT_ID}
-    touchable = {"human": humans, "object": things, "wall": range(len(document["walls"]))}
+    robots = {ROBOT_ID, *(other["id"] for other in document.get("robots") or ())}
+    known = humans | things | robots
+    touchable = {"human": humans, "object": things, "wall": range(len(document["walls"])), "robot": robots}
     for src, relation, dst in document["interactions"]:
         if src not in humans or dst not in known or relation not in RELATIONS:
             yield "interactions", f"{relation} of {src} and {dst}: unknown relation or entity"
@@ -230,7 +238,7 @@ def _reference_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[
             if src not in humans or dst not in known:
                 yield f"frames.{t}.interactions", f"{relation} of {src} and {dst}: unknown entity"
                 return
-        for contact in state["contacts"]:
+        for contact in chain(state["contacts"], *(other["contacts"] for other in state.get("robots") or ())):
             if contact["id"] not in touchable[contact["kind"]]:
                 yield f"frames.{t}.contacts", f"there is no {contact['kind']} {contact['id']}"
                 return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 
@@ -28,7 +29,7 @@ from .placed import (
     place_given,
 )
 from .placement import Layout, cluster_radius
-from .robot_task import draw_robot_task, reserved_outlines
+from .robot_task import draw_other_robots, draw_robot_task, reserved_outlines
 from .sampling import EntityCluster, TypeStreams, sample_entities, shape_of
 from .scenario.config import ScenarioConfig
 from .scenario.load import scenario_of
@@ -81,6 +82,9 @@ def generate(config: str | Path | ScenarioConfig, seed: int = 0, episode: int = 
             if attempt == config.max_layouts:
                 raise
     scene = with_visitors(scene, scenario, journeys, reactions, journey_rng)
+    if scene.robots:
+        last = max([0, *(human.id for human in scene.humans), *(piece.id for piece in scene.furniture)])
+        scene = replace(scene, robots=tuple(replace(robot, id=last + k) for k, robot in enumerate(scene.robots, 1)))
     return scene.drawn_as(seed, episode, config.settings())
 
 
@@ -110,7 +114,7 @@ def _try_layout(
     """
     config = apply_jitter(config, rng)
     people = create_placed_entities(config.people, config.person, config.rules.dt, rng)
-    check_placed_positions(people, plan.outline, config.robot.pose and Pose(*config.robot.pose), config.robot.outline)
+    check_placed_positions(people, plan.outline, (config.robot, *config.robots))
     furniture_outlines = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
     layout = Layout(plan, config, reserved_outlines(config), furniture_outlines)
     place_given(config, people, layout, fixed)
@@ -128,6 +132,10 @@ def _try_layout(
     humans, furniture = ordered_entities(drawn, fixed)
     obstacles = _obstacles(plan, humans.values(), furniture.values()).joined(standing_throughout(people.humans))
     robot, goal = draw_robot_task(config, layout, obstacles, rng)
+    # the other robots have a stream, so that they change nothing else in a scene
+    others = (
+        draw_other_robots(config, layout, obstacles, (robot, goal), stream_of("other robots")) if config.robots else ()
+    )
     entities = number_entities([cluster for cluster, _ in drawn], humans, furniture, people, reactions)
     persons = zip(people.humans, config.people, strict=True)
     listed = [reactions.assign(human, person.reaction) for human, person in persons]
@@ -140,6 +148,7 @@ def _try_layout(
         humans=(*listed, *entities.humans),
         robot=robot,
         goal=goal,
+        robots=others,
         groups=(*people.groups, *entities.groups),
         interactions=(*people.interactions, *entities.interactions),
         rules=config.rules,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import Any, TypeVar
@@ -13,7 +13,7 @@ import numpy as np
 
 from ..core.entities import Furniture, Group, Human, Interaction
 from ..core.files.limits import MAX_TRACK_POINTS
-from ..core.geometry import Disc, Point, Pose, Shape, canonical_angle, inside_polygon, quantised
+from ..core.geometry import Disc, Point, Pose, canonical_angle, inside_polygon, quantised
 from ..core.navigation import FreeSpace
 from ..core.outlines import outline_row, shape_gap
 from ..core.portable_math import PI, Array, angle_of
@@ -27,7 +27,7 @@ from .placement import Layout
 from .scenario.base import Jitter, Range, Settings
 from .scenario.config import ScenarioConfig
 from .scenario.people import PersonSpec, Track
-from .scenario.sections import PersonConfig
+from .scenario.sections import GoalConfig, PersonConfig, RobotConfig
 
 S = TypeVar("S", bound=Settings)
 _SLOW = 0.1  # m/s, below which a velocity does not determine where a pedestrian faces
@@ -40,15 +40,22 @@ _MAX_OVERLAP, _POINT_RADIUS = 0.09, 1e-6  # m, overlap of given outlines at the 
 
 def apply_jitter(config: ScenarioConfig, rng: RandomStream) -> ScenarioConfig:
     """Add random offsets to the given start, goal and people; nothing is drawn where all jitters are 0."""
-    robot, goal = config.robot, config.goal
-    if not any(map(any, (*(person.jitter for person in config.people), robot.jitter, goal.jitter))):
+    tasks = [(config.robot, config.goal), *((other, other.goal) for other in config.robots)]
+    of_robots = (each.jitter for task in tasks for each in task)
+    if not any(map(any, (*(person.jitter for person in config.people), *of_robots))):
         return config
     people = tuple(_jitter_person(person, rng) for person in config.people)
+    (robot, goal), *others = (_jitter_task(*task, rng) for task in tasks)
+    robots = tuple(other.model_copy(update={"goal": its_goal}) for other, its_goal in others)
+    return config.model_copy(update={"people": people, "robot": robot, "goal": goal, "robots": robots})
+
+
+def _jitter_task(robot: RobotConfig, goal: GoalConfig, rng: RandomStream) -> tuple[RobotConfig, GoalConfig]:
     if robot.pose is not None and any(robot.jitter):
         robot = robot.model_copy(update={"pose": _shifted(robot.pose, _draw_offset(robot.jitter, rng))})
     if goal.position is not None and any(goal.jitter):
         goal = goal.model_copy(update={"position": _shifted(goal.position, _draw_offset((*goal.jitter, 0.0), rng))})
-    return config.model_copy(update={"people": people, "robot": robot, "goal": goal})
+    return robot, goal
 
 
 def _jitter_person(person: PersonSpec, rng: RandomStream) -> PersonSpec:
@@ -80,7 +87,8 @@ def mirror_config(config: ScenarioConfig) -> ScenarioConfig:
     )
     sections = {key: _mirrored(getattr(config, key)) for key in ("robot", "goal", "groups")}
     lists = {key: tuple(map(_mirrored, getattr(config, key))) for key in ("doors", "queues", "places", "people")}
-    return config.model_copy(update={**sections, **lists, "furniture": tuple(furniture)})
+    robots = tuple(_mirrored(other).model_copy(update={"goal": _mirrored(other.goal)}) for other in config.robots)
+    return config.model_copy(update={**sections, **lists, "furniture": tuple(furniture), "robots": robots})
 
 
 def _mirror_point(point: Point) -> Point:
@@ -294,17 +302,16 @@ def _interpolate(track: Track, slopes: list[Point], k: int, t: float) -> Point:
 # Placement
 
 
-def check_placed_positions(placed: NumberedEntities, outline: Array, robot: Pose | None, shape: Shape) -> None:
-    """Check that given positions lie in the room, and that a given robot does not start on a pedestrian.
+def check_placed_positions(placed: NumberedEntities, outline: Array, robots: Sequence[RobotConfig]) -> None:
+    """Check that given positions lie in the room, and that no given robot starts on a pedestrian.
 
     Args:
         placed: the pedestrians.
         outline: (K, 2), m, of the room.
-        robot: its start, if given.
-        shape: outline of the robot.
+        robots: all robots.
 
     Raises:
-        SceneError: a start, track or goal is outside the room, or the robot overlaps a pedestrian at tick 0.
+        SceneError: a start, track or goal is outside the room, or a robot overlaps a pedestrian at tick 0.
     """
     if not placed.humans:
         return
@@ -318,10 +325,13 @@ def check_placed_positions(placed: NumberedEntities, outline: Array, robot: Pose
                         f"the {name} of person {human.id} is outside the room at ({x:g}, {y:g}); move it, or widen the "
                         "room"
                     )
-        if robot is not None and human.enters == 0:
-            dx, dy, contact = robot.x - human.pose.x, robot.y - human.pose.y, shape.circumradius + human.radius
+        for robot in robots if human.enters == 0 else ():
+            if robot.pose is None:
+                continue
+            pose, shape = Pose(*robot.pose), robot.outline
+            dx, dy, contact = pose.x - human.pose.x, pose.y - human.pose.y, shape.circumradius + human.radius
             is_near = dx * dx + dy * dy < contact * contact
-            if is_near and shape_gap(shape, robot, Disc(human.radius), human.pose) == 0.0:
+            if is_near and shape_gap(shape, pose, Disc(human.radius), human.pose) == 0.0:
                 raise SceneError(f"the robot would start on person {human.id}; give it another pose")
 
 

@@ -1,4 +1,4 @@
-"""Start and goal of the robot: given or drawn, at a distance from each other, and connected by a free path."""
+"""Start and goal of each robot: given or drawn, at a distance from each other, and connected by a free path."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from dataclasses import asdict
 
 import numpy as np
 
-from ..core.entities import Goal, Limits, Robot
+from ..core.entities import Goal, Limits, OtherRobot, Robot
 from ..core.geometry import Barriers, Disc, Pose, Shape, inside_polygon, quantised
 from ..core.navigation import FreeSpace
+from ..core.outlines import shape_gap
 from ..core.portable_math import PI
 from ..core.rng import RandomStream
 from ..errors import SceneError
@@ -21,11 +22,52 @@ _PATH_MARGIN = 0.05  # m, minimum gap between the robot and obstacles along a pa
 
 
 def reserved_outlines(config: ScenarioConfig) -> list[PlacedShape]:
-    """Return the outlines that a given start and a given goal occupy."""
-    disc = Disc(config.robot.outline.inradius + _PATH_MARGIN)
-    start = disc if config.robot.body is None else config.robot.outline
-    places = ((start, config.robot.pose), (disc, config.goal.position))
-    return [(shape, Pose(*place).rounded()) for shape, place in places if place is not None]
+    """Return the outlines that given starts and goals occupy."""
+    outlines: list[PlacedShape] = []
+    for robot, goal in ((config.robot, config.goal), *((robot, goal) for robot, goal, _ in config.tasks)):
+        disc = Disc(robot.outline.inradius + _PATH_MARGIN)
+        start = disc if robot.body is None else robot.outline
+        places = ((start, robot.pose), (disc, goal.position))
+        outlines += [(shape, Pose(*place).rounded()) for shape, place in places if place is not None]
+    return outlines
+
+
+def draw_other_robots(
+    config: ScenarioConfig, layout: Layout, barriers: Barriers, first: tuple[Robot, Goal], rng: RandomStream
+) -> tuple[OtherRobot, ...]:
+    """Create the robots besides the first one; all start apart from each other, and have goals where all can stand.
+
+    Args:
+        config: with their settings.
+        layout: the room with all other entities; starts and goals are added.
+        barriers: outlines of everything that robots must avoid: walls, furniture and standing pedestrians.
+        first: the first robot and its goal.
+        rng: random stream of the robots.
+
+    Returns:
+        The robots, whose ids are 0.
+
+    Raises:
+        SceneError: as `draw_robot_task`; or given starts overlap.
+    """
+    drawn, others = [first], list[OtherRobot]()
+    _occupy(layout, *first)
+    for robot, goal, controller in config.tasks:
+        task = draw_robot_task(config.with_task(robot, goal), layout, barriers, rng)
+        pose, outline = task[0].pose, task[0].outline
+        for k, (other, _) in enumerate(drawn):
+            if shape_gap(outline, pose, other.outline, other.pose) < _APART:
+                x, y = pose.position
+                raise SceneError(f"robot {len(drawn) + 1} would start at ({x:g}, {y:g}) on robot {k + 1}; move it")
+        drawn.append(task)
+        _occupy(layout, *task)
+        others.append(OtherRobot(0, *task, controller))
+    return tuple(others)
+
+
+def _occupy(layout: Layout, robot: Robot, goal: Goal) -> None:
+    """Keep other robots off the start and the goal of a robot."""
+    layout.occupy([(robot.outline, robot.pose), (Disc(robot.outline.circumradius), Pose(*goal.position))])
 
 
 def draw_robot_task(

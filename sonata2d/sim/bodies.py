@@ -18,7 +18,7 @@ OVERLAP_LEFT = 0.0  # fraction of an overlap after a substep; pymunk's 0.94 lets
 
 
 class Bodies:
-    """Bodies and shapes of pedestrians, robot, walls and furniture.
+    """Bodies and shapes of pedestrians, robots, walls and furniture.
 
     Only a space built anew, in a fixed order, gives the same bits for the same input. Bodies and shapes are kept, and
     leave the space before: an episode that begins again need not make them again.
@@ -28,40 +28,48 @@ class Bodies:
 
     Attributes:
         torsos: shapes of the pedestrians; the kernel turns them in every substep.
-        outline: shapes of a robot that is no disc: its sides, then its corners; the kernel turns them too.
-        corners: of such a robot, in the body frame, m.
+        outlines: shapes of each robot that is no disc: its sides, then its corners; the kernel turns them too.
+        corners: of such robots, in the body frame, m.
     """
 
     def __init__(self, scene: Scene) -> None:
         self._ground = pymunk.Body(body_type=pymunk.Body.STATIC)
         self._static = _static_shapes_of(scene, self._ground)
         self._start: list[tuple[Point, Point]] = [(human.pose.position, human.velocity) for human in scene.humans]
-        self._start.append((scene.robot.pose.position, (0.0, 0.0)))
-        self._bodies = [_body(is_recorded=is_recorded(human)) for human in scene.humans] + [_body(ROBOT_MASS)]
+        robots = [robot for robot, _ in scene.tasks]
+        self._start += [(robot.pose.position, (0.0, 0.0)) for robot in robots]
+        self._bodies = [_body(is_recorded=is_recorded(human)) for human in scene.humans]
+        chassis = [_body(ROBOT_MASS) for _ in robots]
+        self._bodies += chassis
         self._shoulders = [human.shoulder for human in scene.humans]
         self.torsos = [
             pymunk.Segment(body, (0.0, human.shoulder), (0.0, -human.shoulder), human.radius)
             for body, human in zip(self._bodies, scene.humans, strict=False)
         ]
-        self._heading = scene.robot.pose.direction
-        self.corners = scene.robot.outline.core if len(scene.robot.outline.core) > 1 else ()
-        self.outline = _sides_of(scene.robot.outline, self._bodies[-1])
-        chassis: list[pymunk.Shape] = [*self.outline] or [pymunk.Circle(self._bodies[-1], scene.robot.radius)]
-        self._moving = [*self.torsos, *chassis]
+        self._headings = [robot.pose.direction for robot in robots]
+        self.corners = [robot.outline.core if len(robot.outline.core) > 1 else () for robot in robots]
+        self.outlines = [_sides_of(robot.outline, body) for robot, body in zip(robots, chassis, strict=True)]
+        self._moving: list[pymunk.Shape] = [*self.torsos]
+        for robot, body, outline in zip(robots, chassis, self.outlines, strict=True):
+            shapes = outline or [pymunk.Circle(body, robot.radius)]
+            if len(robots) > 1:  # robots keep off each other by the kernel alone
+                for shape in shapes:
+                    shape.filter = pymunk.ShapeFilter(group=_seat_group(len(scene.furniture)))
+            self._moving += shapes
         self._iterations, self._space = scene.rules.iterations, pymunk.Space()
 
     def new_space(self) -> tuple[pymunk.Space, list[pymunk.Body]]:
-        """A space with everything where it starts; and its bodies, those of the pedestrians and the robot's."""
+        """A space with everything where it starts; and its bodies, those of the pedestrians, then of the robots."""
         self._leave_space()
         for body, (position, velocity) in zip(self._bodies, self._start, strict=True):
             body.position, body.velocity, body.force = position, velocity, (0.0, 0.0)
         for torso, shoulder in zip(self.torsos, self._shoulders, strict=True):
             torso.unsafe_set_endpoints((0.0, shoulder), (0.0, -shoulder))
-        c, s = self._heading
-        corners, count = [(x * c - y * s, x * s + y * c) for x, y in self.corners], len(self.corners)
-        for k, corner in enumerate(corners):
-            lib.cpSegmentShapeSetEndpoints(self.outline[k]._shape, corner, corners[(k + 1) % count])
-            lib.cpCircleShapeSetOffset(self.outline[count + k]._shape, corner)
+        for (c, s), core, outline in zip(self._headings, self.corners, self.outlines, strict=True):
+            corners, count = [(x * c - y * s, x * s + y * c) for x, y in core], len(core)
+            for k, corner in enumerate(corners):
+                lib.cpSegmentShapeSetEndpoints(outline[k]._shape, corner, corners[(k + 1) % count])
+                lib.cpCircleShapeSetOffset(outline[count + k]._shape, corner)
         space = self._space = pymunk.Space()
         space.iterations, space.collision_slop = self._iterations, 0.001  # pymunk's default slop is 0.1 m
         space.collision_bias = OVERLAP_LEFT

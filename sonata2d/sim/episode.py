@@ -2,59 +2,50 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from typing import Any, SupportsIndex
 
-from ..agents.controllers.base import Controller, External, Regenerate, Stop, recorded_path, require_controller
+from ..agents.controllers.base import Controller, External, require_controller
 from ..agents.controllers.compiled import KernelController
 from ..agents.pedestrians.crowd import Crowd
-from ..agents.sensors.base import Renderer, SensorSuite, known_to, shown_to
+from ..agents.sensors.base import Renderer
 from ..core.devices import DeviceEvent
 from ..core.drawable import Drawable
 from ..core.files import interruption
-from ..core.geometry import Twist, quantised
+from ..core.geometry import Twist
 from ..core.humans import X, Y
 from ..core.scene import Scene
-from ..core.snapshot import ControllerInfo, Frame, Frames, Observer, Outcome, Snapshot, Status
-from ..core.wording import counted, described, shown, text_of
+from ..core.snapshot import Contact, ControllerInfo, Frame, Frames, Observer, Outcome, Snapshot, Status
+from ..core.wording import counted, shown, text_of
 from ..errors import ControllerError, Sonata2dError
-from ..registry import did_you_mean
 from ..view.drawing import Drawing, drawing_of
+from .driver import Driver, checked_twist, controller_info_of, renderer_for
 from .inputs import Inputs, TickInput
 from .member import CompiledRun
 from .world import World
 
 
-def renderer_for(controller: Controller) -> Renderer | None:
-    """The renderer of the camera images that a controller requests.
-
-    Returns:
-        `sonata2d.view.image_of`; None, without importing pygame, if the controller requests no images.
-    """
-    sensors = controller.sensors if isinstance(controller.sensors, Sequence) else ()  # SensorSuite refuses others
-    if controller.image is None and not any(getattr(sensor, "request", None) for sensor in sensors):
-        return None
-    from ..view.painter import image_of
-
-    return image_of
-
-
 class Episode(Drawable):
     """Runs a scene tick by tick: observe, decide, record, move.
+
+    In a scene with several robots, a robot that has reached its goal stands there and is not asked any more; the
+    episode has the outcome `goal` when all have reached theirs.
 
     Args:
         scene: initial layout.
         controller: drives the robot; None: a client gives the commands, see `apply`.
+        others: controllers of the other robots, in the order of `scene.robots`; None: those that the scene names. One
+            object may drive several robots if it says so, see `Controller.drives_several`.
         observers: receive every frame, e.g. recorders and windows.
         past: inputs of the first ticks, which are replayed before the controller is asked.
         controller_info: description of the controller in files; by default `controller_info_of(controller)`.
         renderer: draws the images that the controller requests, e.g. `sonata2d.view.image_of`.
 
     Raises:
-        ControllerError: the controller requests an image, and no renderer is given.
+        ControllerError: a controller requests an image, and no renderer is given.
+        ValueError: the number of other controllers is not that of the other robots.
 
     Attributes:
         past: inputs of all ticks so far.
@@ -70,6 +61,7 @@ class Episode(Drawable):
         scene: Scene,
         controller: Controller | None = None,
         *,
+        others: Sequence[Controller] | None = None,
         observers: Iterable[Observer] = (),
         past: Sequence[TickInput] = (),
         controller_info: ControllerInfo | None = None,
@@ -78,23 +70,21 @@ class Episode(Drawable):
         if not isinstance(scene, Scene):
             raise TypeError(f"an episode needs a scene, such as generate() returns; got {shown(scene)}")
         controller = require_controller(controller or External())
-        if controller.image is not None and renderer is None:
-            raise ControllerError(
-                f"{type(controller).__name__} requests a camera image; give Episode(renderer=sonata2d.view.image_of)"
-            )
         if hasattr(observers, "on_frame"):
             raise TypeError(f"observers are several; write observers=[{type(observers).__name__}(...)]")
         self.scene, self.controller, self.observers = scene, controller, tuple(observers)
         self.past = Inputs()
         self.outcome: Outcome | None = None
-        self._script, self._controller_info = Inputs(past), controller_info or controller_info_of(controller)
-        self._renderer = renderer
+        self._script, self._renderer = Inputs(past), renderer
         self._crowd, self._world = Crowd(scene), World(scene)
         self._observed: Snapshot | None = None  # of the present tick
-        self._sensors = SensorSuite(controller.sensors, scene, renderer)
-        controller.reset(known_to(controller, scene))
+        self._drivers = _drivers(scene, controller, others, controller_info, renderer)
+        self._arrivals: list[int | None] = [None] * len(self._drivers)  # ticks; not of a single robot
+        info = self._drivers[0].info
+        if scene.robots:
+            info = replace(info, others=tuple(driver.info for driver in self._drivers[1:]))
         for observer in self.observers:
-            observer.open(scene, self._controller_info)
+            observer.open(scene, info)
 
     def __repr__(self) -> str:
         state = "running" if self.outcome is None else self.outcome.status
@@ -146,8 +136,8 @@ class Episode(Drawable):
     @property
     def _may_skip(self) -> bool:
         """Whether people and observers do without the interpreter in some ticks."""
-        is_plain = type(self).step is Episode.step and self._crowd.is_compiled and not self._sensors
-        return is_plain and all(map(_takes_many_frames, self.observers))
+        is_plain = type(self).step is Episode.step and self._crowd.is_compiled and not self._drivers[0].sensors
+        return is_plain and not self.scene.robots and all(map(_takes_many_frames, self.observers))
 
     def _run_frames(self, run: CompiledRun, limit: int | None = None) -> bool:
         """Run some ticks at once; False if there were none, and `step` is needed."""
@@ -234,7 +224,13 @@ class Episode(Drawable):
         self.replay_past()
         return self._observe(tuple(events))
 
-    def apply(self, command: Twist, label: Any = None, events: Sequence[DeviceEvent] = ()) -> Frame | None:
+    def apply(
+        self,
+        command: Twist,
+        label: Any = None,
+        events: Sequence[DeviceEvent] = (),
+        others: Sequence[Twist] | None = None,
+    ) -> Frame | None:
         """Execute a command for one tick instead of asking the controller, and record the frame.
 
         Of a controller, `Controller.command_overridden` is called.
@@ -243,20 +239,31 @@ class Episode(Drawable):
             command: of the robot, body frame.
             label: of the frame, any value that JSON can hold; None: the command itself is the label.
             events: of input devices since the last `observe`.
+            others: commands of the other robots; None: their controllers are asked.
 
         Returns:
             The frame of the tick; None if the episode is over, and its `outcome` set.
 
         Raises:
-            ControllerError: the command is not a finite twist; the episode has not moved.
+            ControllerError: a command is not a finite twist; the episode has not moved.
+            ValueError: there are not as many other commands as other robots.
         """
         twist = checked_twist(command)
         self.replay_past()
+        if others is not None and len(others) != len(self.scene.robots):
+            raise ValueError(
+                f"the scene has {counted(len(self.scene.robots), 'other robot')}, got {len(others)} commands"
+            )
+        twists = None if others is None else [checked_twist(other) for other in others]
         snapshot = self._observe_unless_over(tuple(events))
         if snapshot is None:
             return None
+        answers = self._answers_of_others(snapshot) if twists is None else [(other, None) for other in twists]
+        if isinstance(answers, Outcome):
+            self._close(snapshot, answers)
+            return None
         self.controller.command_overridden(twist)
-        return self._record_and_move(snapshot, TickInput(twist, deepcopy(label), snapshot.events))
+        return self._record_and_move(snapshot, TickInput(twist, deepcopy(label), snapshot.events, tuple(answers)))
 
     def snapshot(self) -> Snapshot:
         """The current state of the world, without device events."""
@@ -267,6 +274,7 @@ class Episode(Drawable):
         tick: int,
         controller: Controller,
         *,
+        others: Sequence[Controller] | None = None,
         observers: Iterable[Observer] = (),
         renderer: Renderer | None = None,
     ) -> Episode:
@@ -275,6 +283,7 @@ class Episode(Drawable):
         Args:
             tick: number of ticks to replay, 0 to len(past).
             controller: drives from that tick on.
+            others: as for `Episode`.
             observers: of the new episode, from its tick 0 on.
             renderer: as for `Episode`; by default the renderer of this episode.
 
@@ -283,8 +292,9 @@ class Episode(Drawable):
         """
         if not 0 <= tick <= len(self.past):
             raise ValueError(f"tick must be 0..{len(self.past)}, the ticks run so far, got {tick}")
+        past, renderer = self.past[:tick], renderer or self._renderer
         return Episode(
-            self.scene, controller, observers=observers, past=self.past[:tick], renderer=renderer or self._renderer
+            self.scene, controller, others=others, observers=observers, past=past, renderer=renderer
         ).replay_past()
 
     def replay_past(self) -> Episode:
@@ -322,7 +332,11 @@ class Episode(Drawable):
         if self.outcome is not None:
             return self._with_events(())
         snapshot = self._with_events(events)
-        outcome = outcome_at(snapshot)
+        if self.scene.robots:
+            for k, is_at_goal in enumerate(arrivals_at(snapshot)):
+                if is_at_goal and self._arrivals[k] is None:
+                    self._arrivals[k] = snapshot.tick
+        outcome = outcome_at(snapshot, all(tick is not None for tick in self._arrivals))
         if outcome is not None:
             self._close(snapshot, outcome)
         return snapshot
@@ -345,37 +359,48 @@ class Episode(Drawable):
         return None if self.is_over else snapshot
 
     def _decide(self, snapshot: Snapshot) -> TickInput | Outcome:
-        """The controller's answer to a snapshot."""
-        controller = self.controller
+        """The controllers' answers to a snapshot."""
+        answer = self._answer(0, snapshot)
+        if isinstance(answer, Outcome):
+            return answer
+        others = self._answers_of_others(snapshot)
+        return others if isinstance(others, Outcome) else TickInput(*answer, snapshot.events, tuple(others))
+
+    def _answers_of_others(self, snapshot: Snapshot) -> list[tuple[Twist, Any]] | Outcome:
+        """Commands and labels of the other robots."""
+        answers = []
+        for k in range(1, len(self._drivers)):
+            answer = self._answer(k, snapshot)
+            if isinstance(answer, Outcome):
+                return replace(answer, reason=f"robot {self._drivers[k].robot_id}: {answer.reason}")
+            answers.append(answer)
+        return answers
+
+    def _answer(self, k: int, snapshot: Snapshot) -> tuple[Twist, Any] | Outcome:
+        """Command and label of a robot; one of several that has arrived stands."""
+        driver = self._drivers[k]
         try:
-            if controller.image is not None and self._renderer is not None:
-                snapshot = replace(snapshot, image=self._renderer(snapshot, controller.image))
-            if self._sensors:
-                snapshot = replace(snapshot, sensors=self._sensors.observe(snapshot))
-            answer = controller.act(shown_to(controller, snapshot))
-            if isinstance(answer, (Stop, Regenerate)):
-                status: Status = "stopped" if isinstance(answer, Stop) else "regenerate"
-                return Outcome(status, answer.reason, snapshot.tick, snapshot.time)
-            command = checked_twist(answer, type(controller))
-            label = controller.label(snapshot, command)
-            if label is not None:
-                label = deepcopy(label)  # the controller may reuse the object
-                self._require_declared(label)
-            return TickInput(command, label, snapshot.events)
+            if self._arrivals[k] is not None:
+                return Twist(), None
+            return driver.answer(snapshot)
         except BaseException as error:
             interruption.reraise(error)
+            if k > 0:
+                error.add_note(f"by the controller of robot {driver.robot_id}, {driver.info.path}")
             self._close_after(error, snapshot)
             raise
 
     def _record_and_move(self, snapshot: Snapshot, tick_input: TickInput) -> Frame:
         """Send the frame to the observers, then move the world."""
-        frame = Frame(snapshot, tick_input.command, tick_input.label)
+        if self.scene.robots:
+            tick_input = self._standing_after_arrival(tick_input)
+        frame = Frame(snapshot, tick_input.command, tick_input.label, tick_input.others)
         try:
-            if self._sensors:  # also in ticks in which the controller is not asked: odometry goes on
-                self._sensors.observe(snapshot)
+            for driver in self._drivers:
+                driver.look(snapshot)
             for observer in self.observers:
                 observer.on_frame(frame)
-            self._world.run_tick(tick_input.command, self._crowd)
+            self._world.run_tick(tick_input.command, self._crowd, [other for other, _ in tick_input.others])
         except BaseException as error:
             interruption.reraise(error)
             self._close_after(error, snapshot)
@@ -384,20 +409,15 @@ class Episode(Drawable):
         self._observed = None
         return frame
 
-    def _require_declared(self, label: Any) -> None:
-        """Require that a label has only the keys that the controller declares: files explain only these.
-
-        Raises:
-            ControllerError: it has another key.
-        """
-        declared = self._controller_info.labels
-        if declared and isinstance(label, Mapping):
-            for key in label:
-                if key not in declared:
-                    hint = did_you_mean(str(key), declared) or f"; they explain {', '.join(declared)}"
-                    raise ControllerError(
-                        f"label() returned the key {shown(key)}, which the controller's `labels` do not explain{hint}"
-                    )
+    def _standing_after_arrival(self, tick_input: TickInput) -> TickInput:
+        """The input with the command 0 for robots that have reached their goals."""
+        command = Twist() if self._arrivals[0] is not None else tick_input.command
+        others = tick_input.others or ((Twist(), None),) * len(self.scene.robots)  # of an older or shorter script
+        others = tuple(
+            (other if arrival is None else Twist(), label)
+            for (other, label), arrival in zip(others, self._arrivals[1:], strict=True)
+        )
+        return replace(tick_input, command=command, others=others)
 
     def _close_after(self, error: BaseException, snapshot: Snapshot) -> None:
         """Close the episode because an exception was raised; the exception gets tick, episode and seed as a note."""
@@ -410,9 +430,45 @@ class Episode(Drawable):
             error.add_note(f"the frames recorded so far could not be saved either: {failure}")
 
     def _close(self, snapshot: Snapshot, outcome: Outcome) -> None:
+        if self.scene.robots:
+            outcome = replace(outcome, arrivals=tuple(self._arrivals))
         self.outcome = outcome
         for observer in self.observers:
             observer.close(snapshot, outcome)
+
+
+def _drivers(
+    scene: Scene,
+    controller: Controller,
+    others: Sequence[Controller] | None,
+    info: ControllerInfo | None,
+    renderer: Renderer | None,
+) -> list[Driver]:
+    """The drivers of all robots; `info` describes the controller, and with `others` those of the other robots."""
+    names: list[str | None] = [other.controller for other in scene.robots]
+    if others is None and names:
+        from ..agents.controllers.loading import load_controller  # which few episodes need, and takes time to import
+
+        others = [load_controller(other.controller) for other in scene.robots]
+    else:
+        names = [None for _ in names]
+    others = others or ()
+    if len(others) != len(names):
+        robots = counted(len(names), "other robot")
+        raise ValueError(f"the scene has {robots}, got {counted(len(others), 'controller')} for them")
+    controllers = [controller, *map(require_controller, others)]
+    for k, each in enumerate(controllers):
+        if not each.drives_several and any(each is earlier for earlier in controllers[:k]):
+            raise ValueError(
+                f"one {type(each).__name__} cannot drive several robots; give each robot an object of its own, or set "
+                "drives_several = True in a class that tells them apart by snapshot.robot.id"
+            )
+    infos = [info or controller_info_of(controller), *(info.others if info else ())]
+    known = len(infos)
+    infos += [controller_info_of(*each) for each in zip(controllers[known:], names[known - 1 :], strict=True)]
+    views = [scene.seen_by(id) for id in scene.robot_ids]
+    drivers = zip(controllers, views, infos, [renderer, *map(renderer_for, others)], strict=True)
+    return [Driver(each, view, its_info, renderer or own) for each, view, its_info, own in drivers]
 
 
 def _takes_many_frames(observer: Observer) -> bool:
@@ -425,7 +481,8 @@ def _takes_many_frames(observer: Observer) -> bool:
 
 @drawing_of.register
 def _(episode: Episode) -> Drawing:
-    again = Episode(episode.scene, past=episode.past)  # the snapshots of earlier ticks are not kept
+    others = [External()] * len(episode.scene.robots)
+    again = Episode(episode.scene, others=others, past=episode.past)  # the snapshots of earlier ticks are not kept
     snapshots = []
     for _ in episode.past:
         snapshots.append(again.snapshot())
@@ -438,13 +495,26 @@ def _(episode: Episode) -> Drawing:
     return Drawing([*snapshots, again.snapshot()], status, commands or None, labels or None)
 
 
-def outcome_at(snapshot: Snapshot) -> Outcome | None:
-    """The outcome if the episode ends at a snapshot: goal reached, contact if the rules say so, or time limit.
+def arrivals_at(snapshot: Snapshot) -> list[bool]:
+    """Whether each robot is at its goal, in the order of `Scene.robot_ids`."""
+    goals = (goal for _, goal in snapshot.scene.tasks)
+    return [goal.is_reached(robot.pose) for goal, robot in zip(goals, (snapshot.robot, *snapshot.robots), strict=True)]
+
+
+def outcome_at(snapshot: Snapshot, have_arrived: bool = True) -> Outcome | None:
+    """The outcome if the episode ends at a snapshot: goals reached, contact if the rules say so, or time limit.
+
+    Args:
+        snapshot: of the present tick.
+        have_arrived: whether all of several robots have reached their goals.
 
     Returns:
         None if the episode continues.
     """
-    scene, row = snapshot.scene, snapshot.state.row
+    scene = snapshot.scene
+    if scene.robots:
+        return _outcome_of_several(snapshot, have_arrived)
+    row = snapshot.state.row
     goal, rules = scene.goal, scene.rules
     # The exact test needs the robot's heading, which takes longer to find than most ticks need for all of this.
     reach = goal.distance + 1e-6
@@ -452,82 +522,32 @@ def outcome_at(snapshot: Snapshot) -> Outcome | None:
     if is_near and "goal" in rules.ends_on and goal.is_reached(snapshot.robot.pose):
         return Outcome("goal", f"within {goal.distance} m of the goal", snapshot.tick, snapshot.time)
     if "contact" in rules.ends_on and snapshot.contacts:
-        contact = snapshot.contacts[0]
-        fault = _FAULTS[contact.robot_at_fault, contact.other_at_fault]
-        reason = f"contact with {contact.kind} {contact.id}, at fault: {fault}"
-        return Outcome("contact", reason, snapshot.tick, snapshot.time)
+        return Outcome("contact", _described(snapshot.contacts[0]), snapshot.tick, snapshot.time)
     if snapshot.tick >= rules.last_tick:
         return Outcome("timeout", f"{snapshot.time} s are over", snapshot.tick, snapshot.time)
     return None
 
 
+def _outcome_of_several(snapshot: Snapshot, have_arrived: bool) -> Outcome | None:
+    """`outcome_at` of a scene with several robots."""
+    scene, rules = snapshot.scene, snapshot.scene.rules
+    if "goal" in rules.ends_on and have_arrived:
+        count = len(scene.robot_ids)
+        return Outcome("goal", f"all {count} robots have reached their goals", snapshot.tick, snapshot.time)
+    if "contact" in rules.ends_on:
+        for id, contacts in zip(scene.robot_ids, (snapshot.contacts, *snapshot.contacts_of_robots), strict=True):
+            if contacts:
+                reason = f"robot {id}: {_described(contacts[0])}"
+                return Outcome("contact", reason, snapshot.tick, snapshot.time)
+    if snapshot.tick >= rules.last_tick:
+        return Outcome("timeout", f"{snapshot.time} s are over", snapshot.tick, snapshot.time)
+    return None
+
+
+def _described(contact: Contact) -> str:
+    fault = _FAULTS[contact.robot_at_fault, contact.other_at_fault]
+    return f"contact with {contact.kind} {contact.id}, at fault: {fault}"
+
+
 # By fault of the robot and of the other side. Recorded in files.
 _FAULTS = {(True, False): "the robot", (False, True): "the other", (True, True): "both", (False, False): "nobody"}
-
-
-_USUAL = 1e4  # m/s, rad/s, beyond which the limits of files are looked at
-
-
-def checked_twist(answer: object, controller_class: type | None = None) -> Twist:
-    """A command as a twist that a file can hold.
-
-    Args:
-        answer: of a controller, or given to `Episode.apply`.
-        controller_class: class of the controller, for the error messages; None: the command was given to `apply`.
-
-    Raises:
-        ControllerError: the answer is not a `Twist`, is not finite, or is too large for a file.
-    """
-    if type(answer) is Twist:  # the usual case in a third of the time
-        vx, vy, omega = answer.vx, answer.vy, answer.omega
-        is_small = type(vx) is type(vy) is type(omega) is float and -_USUAL < vx < _USUAL and -_USUAL < vy < _USUAL
-        if is_small and -_USUAL < omega < _USUAL:
-            return Twist(round(vx * 1e4) / 1e4 + 0.0, round(vy * 1e4) / 1e4 + 0.0, round(omega * 1e4) / 1e4 + 0.0)
-    name = f"{controller_class.__name__}.act" if controller_class else ""
-    must = f"{name} must return" if name else "the command must be"
-    if not isinstance(answer, Twist):
-        raise ControllerError(f"{must} a Twist, got {answer!r}; return Twist(vx, vy, omega)")
-    vx, vy, omega = answer.vx, answer.vy, answer.omega
-    if not (_is_finite(vx) and _is_finite(vy) and _is_finite(omega)):
-        raise ControllerError(f"{must} finite numbers, got {answer!r}")
-    try:
-        return Twist(quantised(float(vx)), quantised(float(vy)), quantised(float(omega)))
-    except ValueError as error:
-        # part of the recorded reason of an episode that ended in an error: do not reword
-        raise ControllerError(f"{name} answered {answer!r}: {error}" if name else f"{must} smaller: {error}") from None
-
-
-def _is_finite(value: Any) -> bool:
-    """Whether a value is a finite number of Python or NumPy."""
-    if type(value) is not float and hasattr(value, "item"):
-        value = value.item()
-    return isinstance(value, (int, float)) and math.isfinite(value)
-
-
-@interruption.surroundings_kept()
-def controller_info_of(controller: Controller, path: str | None = None) -> ControllerInfo:
-    """The description of a controller that files record.
-
-    Args:
-        controller: the controller.
-        path: its name, e.g. on the command line; by default its module and class.
-
-    Raises:
-        ControllerError: `settings()` raises an exception, or a value is not of the kind that files hold.
-    """
-    name = path or recorded_path(type(controller))
-    try:
-        settings = controller.settings()
-    except BaseException as error:
-        interruption.reraise(error)
-        raise ControllerError(f"settings() of {name} raised {described(error)}") from error
-    version, labels = controller.version, controller.labels
-    if not isinstance(settings, Mapping):
-        raise ControllerError(f"settings() of {name} must return a dict, got {shown(settings)}")
-    if version is not None and not isinstance(version, str):
-        raise ControllerError(
-            f"version of {name} must be text, got {shown(version)}; write version = {shown(str(version))}"
-        )
-    if not isinstance(labels, Mapping) or not all(isinstance(meaning, str) for meaning in labels.values()):
-        raise ControllerError(f"labels of {name} must be a dict of names and their meanings, got {shown(labels)}")
-    return ControllerInfo(name, version, dict(settings), dict(labels) or None)

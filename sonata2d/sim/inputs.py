@@ -22,15 +22,17 @@ class TickInput:
         command: of the robot, body frame.
         label: of the controller.
         events: of input devices.
+        others: commands and labels of the other robots.
     """
 
     command: Twist
     label: Any = None
     events: tuple[DeviceEvent, ...] = ()
+    others: tuple[tuple[Twist, Any], ...] = ()
 
 
 class Inputs(Sequence[TickInput]):
-    """The inputs of consecutive ticks: 24 bytes a tick, where it has neither a label nor events.
+    """The inputs of consecutive ticks: 24 bytes a tick, where it has no label, no events and no other robots.
 
     Commands are rounded to the precision of files.
 
@@ -40,7 +42,7 @@ class Inputs(Sequence[TickInput]):
 
     def __init__(self, inputs: Iterable[TickInput] = ()) -> None:
         self._numbers = array("d")  # three for each command
-        self._others: dict[int, TickInput] = {}  # by tick, those with a label or events
+        self._others: dict[int, TickInput] = {}  # by tick, those with more than a command
         for each in inputs:
             self.append(each)
 
@@ -48,8 +50,12 @@ class Inputs(Sequence[TickInput]):
         """Add the input of the next tick."""
         command = tick_input.command
         vx, vy, omega = _rounded(command.vx), _rounded(command.vy), _rounded(command.omega)
-        if tick_input.label is not None or tick_input.events:
-            self._others[len(self)] = replace(tick_input, command=Twist(vx, vy, omega))
+        if tick_input.label is not None or tick_input.events or tick_input.others:
+            others = tuple(
+                (Twist(_rounded(other.vx), _rounded(other.vy), _rounded(other.omega)), label)
+                for other, label in tick_input.others
+            )
+            self._others[len(self)] = replace(tick_input, command=Twist(vx, vy, omega), others=others)
         self._numbers.extend((vx, vy, omega))
 
     def extend(self, commands: Array, labels: Sequence[Any] | None = None) -> None:

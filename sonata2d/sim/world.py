@@ -10,12 +10,13 @@ anew for every episode, in a fixed order, before its first step: only then does 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
 import pymunk
 
-from ..agents.drives.base import Drive, drive_of, drive_state
+from ..agents.drives.base import drive_of, drive_state
 from ..agents.pedestrians.crowd import Crowd
 from ..agents.pedestrians.models.base import physics_steps
 from ..core.barrier_grid import solids_of
@@ -40,8 +41,8 @@ from .kernel.step import DRIVE_SIZE, Buffers, advance, begin, enter_and_leave, r
 from .kernel.tick import DONE, LONGER_LISTS, may_change, run_tick, tick_calls
 
 # fields of `Buffers` that stay the same
-_CONSTANT = frozenset({"solids", "handle", "addresses", "torsos", "outline", "corners", "rules"})
-_CONTACT_ORDER = {"human": 0, "object": 1, "wall": 2}
+_CONSTANT = frozenset({"solids", "handle", "addresses", "torsos", "outline", "corners", "rules", "robots"})
+_CONTACT_ORDER = {"human": 0, "object": 1, "wall": 2, "robot": 3}
 
 
 class World:
@@ -63,27 +64,16 @@ class World:
         say_if_slow()
         self.scene, self.tick = scene, 0
         count, self._substeps = len(scene.humans), physics_steps(scene)
-        drive = drive_of(scene.robot)
         self._bodies = Bodies(scene)
         space, bodies = self._bodies.new_space()
-        self.row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count)  # as `State.row`
+        self.row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count + ROBOT_SIZE * len(scene.robots))  # as `State.row`
         shoulder = scene.human_table.shoulder.copy()
-        self._engine = EngineMemory(
-            space, bodies, self._bodies.torsos, shoulder, self._bodies.outline, self._bodies.corners
-        )
+        self._engine = EngineMemory(space, bodies, self._bodies.torsos, shoulder)
         self._buffers = Buffers(
-            engine=self._engine.engine,
-            guard=_guard(scene),
-            robot=self.row[:ROBOT_SIZE],
-            humans=self.row[ROBOT_SIZE:].reshape(count, HUMAN_SIZE),
+            humans=self.row[ROBOT_SIZE : ROBOT_SIZE + HUMAN_SIZE * count].reshape(count, HUMAN_SIZE),
             posture=np.zeros((count, 3)),
-            motion=np.array([*scene.robot.pose.position, 0.0, 0.0]),
-            drive=np.zeros(DRIVE_SIZE),
-            rules=rules_of(scene, self._substeps, FASTEST_PERSON),
-            reach=drive.address(),
-            drive_state=drive_state(drive, scene.robot.limits),
-            body=body_of(scene.robot.outline, count + len(scene.barriers) if _is_shaped(scene.robot, drive) else 0),
-            **_guard_calls(scene.robot, drive),
+            robots=np.zeros(1 + len(scene.robots), dtype=np.int64),
+            commands=np.zeros((1 + len(scene.robots), 3)),
             solids=solids_of(scene.barriers),
             acceleration=np.zeros((count, 2)),
             attendance=attendance_of(scene),
@@ -92,22 +82,59 @@ class World:
             maximum_speed=_speed_limits(scene, self._substeps),
             facing=np.zeros((count, 2)),
             gaze=np.zeros((count, 2)),
+            **self._of_robot(scene, 0, _guard(scene)),
         )
-        self._packed, self._packed_calls = Packed(self._buffers), Packed(tick_calls(scene))
+        guard = self._buffers.guard
+        others = [
+            self._buffers._replace(**self._of_robot(scene.seen_by(other.id), k, _guard(scene, guard)))
+            for k, other in enumerate(scene.robots, 1)
+        ]
+        self._packed, self._packed_calls = (
+            [Packed(each) for each in (self._buffers, *others)],
+            Packed(tick_calls(scene)),
+        )
+        self._buffers.robots[:] = [packed.address for packed in self._packed]
         self.calls = self._packed_calls.argument
-        self._buffers.robot[BODY_X], self._buffers.robot[BODY_Y] = scene.robot.pose.direction
         for k, human in enumerate(scene.humans):
             self._face(k, human.pose.direction)
-        self._last_contacts: tuple[bytes, tuple[Contact, ...]] = b"", ()
+        self._no_contacts: tuple[tuple[Contact, ...], ...] = ((),) * (1 + len(scene.robots))
+        self._last_contacts: tuple[bytes, tuple[tuple[Contact, ...], ...]] = b"", ()
         self._activity = initial_activities(scene)
         self._interactions = scene.interactions
         self._may_change = may_change(scene)
-        read_state(self._packed.argument)
+        read_state(self.argument)
         self._check_order()
-        begin(self._packed.argument)
+        begin(self.argument)
         self._seats_at_start = _seats_at_start(scene)
         self.set_seats(self._seats_at_start)
-        self._kept: Kept | None = None
+        self._kept: list[Kept] = []
+
+    def _of_robot(self, scene: Scene, number: int, guard: Guard) -> dict[str, Any]:
+        """Fields of the buffers of one robot.
+
+        Args:
+            scene: in its view.
+            number: of the robot.
+            guard: its own.
+        """
+        robot, drive = scene.robot, drive_of(scene.robot)
+        first = len(self.row) - ROBOT_SIZE * len(scene.robots) + ROBOT_SIZE * (number - 1) if number else 0
+        state = self.row[first : first + ROBOT_SIZE]
+        state[BODY_X], state[BODY_Y] = robot.pose.direction
+        is_shaped = drive.is_coupled or len(robot.outline.core) > 1 or len(scene.robots) > 0
+        return {
+            "number": number,
+            "engine": self._engine.engine_with(self._bodies.outlines[number], self._bodies.corners[number]),
+            "guard": guard,
+            "robot": state,
+            "motion": np.array([*robot.pose.position, 0.0, 0.0]),
+            "drive": np.zeros(DRIVE_SIZE),
+            "rules": rules_of(scene, self._substeps, FASTEST_PERSON),
+            "reach": drive.address(),
+            "drive_state": drive_state(drive, robot.limits),
+            "body": body_of(robot.outline, len(guard.near) if is_shaped else 0),
+            **_guard_calls(robot, is_shaped),
+        }
 
     def snapshot(self, events: tuple[DeviceEvent, ...] = ()) -> Snapshot:
         """The current state of the world, frozen.
@@ -124,30 +151,34 @@ class World:
             interactions = tuple(i for i in interactions if i.src not in absent and i.dst not in absent)
             activity = activities_of_present(activity, self.scene.human_table.id, interactions)
             is_present = frozen(~is_absent)
-        state = State(row, activity, is_present)
-        return Snapshot.of_state(self.tick, self.scene, state, interactions, self._contacts(), events)
+        state, contacts = State(row, activity, is_present), self._contacts()
+        return Snapshot.of_state(self.tick, self.scene, state, interactions, contacts[0], events, contacts[1:])
 
-    def step(self, twist: Twist, crowd: CrowdCommands, *, is_limited: bool = False) -> None:
+    def step(
+        self, twist: Twist, crowd: CrowdCommands, *, is_limited: bool = False, others: Sequence[Twist] = ()
+    ) -> None:
         """Move the world by one tick.
 
         Args:
             twist: of the robot's drive, body frame.
             crowd: commands of the pedestrians.
-            is_limited: whether to limit the twist to what the drive can reach within the tick.
+            is_limited: whether to limit the twists to what the drives can reach within the tick.
+            others: twists of the other robots' drives; those that are missing are 0.
         """
+        self._command(others)
         buffers = self._buffers
         buffers.facing[:], buffers.gaze[:] = crowd.facing, crowd.gaze
         if crowd.seats is not None and not np.array_equal(crowd.seats, buffers.sits_on):
             self.set_seats(crowd.seats)
         if len(buffers.attendance.track):
-            track(self._packed.argument, self.tick)
+            track(self.argument, self.tick)
         substeps = self._substeps
         interval = max(substeps // crowd.evaluations, 1) if crowd.refresh else substeps
         for first in range(0, substeps, interval):
             acceleration = crowd.refresh(buffers.engine.bodies) if crowd.refresh and first else crowd.acceleration
             buffers.acceleration[:] = acceleration
             end = min(first + interval, substeps)
-            advance(self._packed.argument, float(twist.vx), float(twist.vy), float(twist.omega), is_limited, first, end)
+            advance(self.argument, float(twist.vx), float(twist.vy), float(twist.omega), is_limited, first, end)
         self._activity, self._interactions = crowd.activity, crowd.interactions
         self.tick += 1
         attendance = buffers.attendance
@@ -155,9 +186,15 @@ class World:
         if attendance.is_changed[1] or (crowd.leaving is not None and crowd.leaving.any()):
             nobody = np.zeros(len(buffers.sits_on), dtype=bool)
             leaving = nobody if crowd.leaving is None else crowd.leaving
-            enter_and_leave(self._packed.argument, self.tick, leaving, nobody)
+            enter_and_leave(self.argument, self.tick, leaving, nobody)
 
-    def run_tick(self, twist: Twist, crowd: Crowd) -> None:
+    def _command(self, others: Sequence[Twist]) -> None:
+        """Set the commands of the other robots."""
+        self._buffers.commands[1:] = 0.0
+        for k, other in enumerate(others, 1):
+            self._buffers.commands[k] = other.vx, other.vy, other.omega
+
+    def run_tick(self, twist: Twist, crowd: Crowd, others: Sequence[Twist] = ()) -> None:
         """Let the pedestrians decide, and move the world by one tick.
 
         The interpreter is not needed in between, unless the pedestrian model is ordinary Python.
@@ -165,13 +202,15 @@ class World:
         Args:
             twist: of the robot's drive, body frame; limited to what the drive can reach within the tick.
             crowd: of the same scene.
+            others: as in `step`.
         """
         if not crowd.is_compiled:
-            self.step(twist, crowd.act(self.snapshot()), is_limited=True)
+            self.step(twist, crowd.act(self.snapshot()), is_limited=True, others=others)
             return
+        self._command(others)
         command, is_decided = (float(twist.vx), float(twist.vy), float(twist.omega)), False
         while True:
-            need = run_tick(self._packed.argument, crowd.argument, self.calls, self.tick, *command, is_decided)
+            need = run_tick(self.argument, crowd.argument, self.calls, self.tick, *command, is_decided)
             if need == DONE:
                 break
             if need == LONGER_LISTS:
@@ -192,42 +231,47 @@ class World:
 
     def keep(self) -> None:
         """Keep a copy of the state, at the start, for `restart`."""
-        self._kept = Kept(self._buffers, _CONSTANT)
+        self._kept = [Kept(packed.value, _CONSTANT) for packed in self._packed]
 
     def restart(self) -> None:
         """Return to the state of `keep`; the next episode has the bits of one in a new world."""
-        assert self._kept is not None
+        assert self._kept
         self.set_seats(self._seats_at_start)
-        self._kept.restore()
+        for kept in self._kept:
+            kept.restore()
         self._engine.use(self._bodies.new_space()[0])
-        begin(self._packed.argument)
+        begin(self.argument)
         self.tick, self._last_contacts = 0, (b"", ())
         self._activity, self._interactions = initial_activities(self.scene), self.scene.interactions
 
     @property
     def argument(self) -> Any:
         """The state as kernels take it, packed `Buffers`."""
-        return self._packed.argument
+        return self._packed[0].argument
 
-    def _contacts(self) -> tuple[Contact, ...]:
-        """Contacts of the last tick: humans, objects, walls, each by id."""
-        guard = self._buffers.guard
-        if not guard.counts[2]:
-            return ()
-        bits = guard.human_contact.tobytes() + guard.barrier_contact.tobytes()
+    def _contacts(self) -> tuple[tuple[Contact, ...], ...]:
+        """For each robot, its contacts of the last tick: humans, objects, walls, robots, each by id."""
+        guards = [packed.value.guard for packed in self._packed]
+        if not any(guard.counts[2] for guard in guards):
+            return self._no_contacts
+        parts = ((g.human_contact, g.barrier_contact, g.robot_contact) for g in guards)
+        bits = b"".join(part.tobytes() for each in parts for part in each)
         if self._last_contacts[0] != bits:  # a robot that stands at a wall has the same contacts in many ticks
-            self._last_contacts = bits, self._build_contacts()
+            self._last_contacts = bits, tuple(map(self._build_contacts, guards))
         return self._last_contacts[1]
 
-    def _build_contacts(self) -> tuple[Contact, ...]:
-        guard = self._buffers.guard
-        faults: dict[tuple[Literal["human", "object", "wall"], int], int] = {}
+    def _build_contacts(self, guard: Guard) -> tuple[Contact, ...]:
+        if not guard.counts[2]:
+            return ()
+        faults: dict[tuple[Literal["human", "object", "wall", "robot"], int], int] = {}
         for k in np.flatnonzero(guard.human_contact).tolist():
             faults["human", self.scene.humans[k].id] = int(guard.human_contact[k])
         for k in np.flatnonzero(guard.barrier_contact).tolist():
             owner, id = self.scene.barrier_owner[k]
             kind: Literal["wall", "object"] = "wall" if owner == "wall" else "object"
             faults[kind, id] = faults.get((kind, id), 0) | int(guard.barrier_contact[k])
+        for k in np.flatnonzero(guard.robot_contact).tolist():
+            faults["robot", self.scene.robot_ids[k]] = int(guard.robot_contact[k])
         return tuple(
             Contact(kind, id, bool(faults[kind, id] & ROBOT_AT_FAULT), bool(faults[kind, id] & OTHER_AT_FAULT))
             for kind, id in sorted(faults, key=lambda key: (_CONTACT_ORDER[key[0]], key[1]))
@@ -251,21 +295,17 @@ class World:
 
     def _check_order(self) -> None:
         """Check that the engine lists bodies in the order of insertion, which all rows rely on."""
-        placed = [*(h.pose.position for h in self.scene.humans), self.scene.robot.pose.position]
+        placed = [h.pose.position for h in self.scene.humans]
+        placed += [robot.pose.position for robot, _ in self.scene.tasks]
         positions = [(x, y) for x, y, _, _ in self._buffers.engine.bodies.tolist()]
         if positions != placed:
             raise RuntimeError(f"pymunk {pymunk.version} lists bodies in another order; install another version")
 
 
-def _is_shaped(robot: Robot, drive: Drive) -> bool:
-    """Whether a robot is no disc, or turns only as it moves."""
-    return drive.is_coupled or len(robot.outline.core) > 1
-
-
-def _guard_calls(robot: Robot, drive: Drive) -> dict[str, IntArray]:
-    """Addresses of the kernels that robots need which are no discs, or turn only as they move; others have zeros."""
+def _guard_calls(robot: Robot, is_shaped: bool) -> dict[str, IntArray]:
+    """Addresses of the kernels of a robot that is no disc, turns only as it moves, or is not alone; else zeros."""
     nothing, has_corners = np.zeros(2, dtype=np.int64), len(robot.outline.core) > 1
-    if not _is_shaped(robot, drive):
+    if not is_shaped:
         return {"limit_motion": nothing, "gap_at": nothing}
     from .kernel.shaped import gap_at, limit_motion  # compiled for these only
 
@@ -276,22 +316,34 @@ def _guard_calls(robot: Robot, drive: Drive) -> dict[str, IntArray]:
     }
 
 
-def _guard(scene: Scene) -> Guard:
-    """The safety guard's arrays for the humans and barriers of a scene."""
-    humans, barriers = len(scene.humans), len(scene.barriers)
+def _guard(scene: Scene, first_robot: Guard | None = None) -> Guard:
+    """The safety guard's arrays for the humans, barriers and robots of a scene.
+
+    Args:
+        scene: of the robots.
+        first_robot: guard of the first robot, with which that of another one shares the outlines of the humans.
+    """
+    humans, barriers, robots = len(scene.humans), len(scene.barriers), 1 + len(scene.robots)
+    near = humans + barriers + (sum(len(robot.outline.core) for robot, _ in scene.tasks) if scene.robots else 0)
     first: dict[tuple[str, int], int] = {}
+    own: dict[str, Any] = {
+        "human_contact": np.zeros(humans, dtype=np.int64),
+        "barrier_contact": np.zeros(barriers, dtype=np.int64),
+        "robot_contact": np.zeros(robots, dtype=np.int64),
+        "near": np.zeros(near, dtype=np.int64),
+        "counts": np.zeros(4, dtype=np.int64),
+        "separation": np.zeros((near, 5)),
+    }
+    if first_robot is not None:
+        return first_robot._replace(**own)
     return Guard(
         radius=scene.human_table.radius.copy(),  # kernels take writeable arrays
         shoulder=scene.human_table.shoulder.copy(),
         torso=np.zeros((humans, 2)),
-        human_contact=np.zeros(humans, dtype=np.int64),
-        barrier_contact=np.zeros(barriers, dtype=np.int64),
         barrier_owner=np.array(
             [first.setdefault(owner, k) for k, owner in enumerate(scene.barrier_owner)], dtype=np.int64
         ),
-        near=np.zeros(humans + barriers, dtype=np.int64),
-        counts=np.zeros(3, dtype=np.int64),
-        separation=np.zeros((humans + barriers, 5)),
+        **own,
     )
 
 

@@ -17,7 +17,8 @@ from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
 from ..scenegen.scenario.load import load_scenario
 from ..scenegen.scenario.people import PersonSpec
-from ..sim.episode import Episode, renderer_for
+from ..sim.driver import renderer_for
+from ..sim.episode import Episode
 
 SCENARIOS = ("empty", "sonata-2020", "sonata-2020-crowded")
 # Pedestrians that enter and leave at different times, so that the rows of snapshots belong to changing pedestrians.

@@ -11,7 +11,7 @@ from ..core.snapshot import Snapshot
 from .annotations import SMALL, STRIP, Label, draw_labels, draw_strip, summary
 from .brush import Brush
 from .canvas import Picture, PixelCanvas
-from .figures import goal_part, human_parts, robot_part
+from .figures import draw_way, goal_part, human_parts, robot_part
 from .furniture import draw_furniture, half_size
 from .landmarks import draw_landmarks
 from .layers import Layers, draw_gazes, draw_interactions, draw_velocities, draw_zones
@@ -89,6 +89,9 @@ def draw_moving_parts(
     if "headings" in unmeasured:  # and with them the directions of the shoulders
         humans = [replace(human, breadth=2 * human.radius) for human in humans]
     if layers.goal and "goal" not in unmeasured:
+        for robot, other in zip(snapshot.robots, scene.robots, strict=True):
+            draw_way(brush, robot.position, other.goal.position)
+            brush.stamp(other.goal.position, goal_part(other.goal, is_other=True))
         brush.stamp(snapshot.goal.position, goal_part(snapshot.goal))
     draw_trails(brush, trails, robot="robot" not in unmeasured)
     if layers.zones:
@@ -100,6 +103,9 @@ def draw_moving_parts(
     for human in humans:
         parts = human_parts(human, snapshot.time, ignores_robot=human.id in ignoring, unmeasured=unmeasured)
         brush.stamp(human.pose.position, *parts)
+    contacts = snapshot.contacts_of_robots or [()] * len(snapshot.robots)
+    for robot, touched in zip(snapshot.robots, contacts, strict=True):
+        brush.stamp(robot.position, robot_part(robot, touches=bool(touched), is_other=True))
     if "robot" not in unmeasured:
         brush.stamp(snapshot.robot.position, robot_part(snapshot.robot, touches=bool(snapshot.contacts)))
     if layers.velocities:
@@ -113,6 +119,9 @@ def draw_ids(canvas: Picture, camera: Camera, snapshot: Snapshot, layers: Layers
     labels = [
         Label(str(human.id), camera.to_pixels(human.pose.position), human.breadth / 2 * camera.scale)
         for human in snapshot.humans
+    ]
+    labels += [
+        Label(str(robot.id), camera.to_pixels(robot.position), robot.radius * camera.scale) for robot in snapshot.robots
     ]
     labels += [
         Label(str(item.id), camera.to_pixels(item.pose.position), 0.7 * min(half_size(item)) * camera.scale, FAINT)

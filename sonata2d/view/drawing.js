@@ -25,8 +25,12 @@ export function stateBetween(scene, before, after, s) {
     return {...human, x, y, theta, head: turn(head, next[3], s), speed, activity: scene.activities[activity]};
   }).filter(Boolean);
   const [x, y, theta, ahead, left, omega] = pose(before.robot, after.robot, s);
-  return {people, links: before.links, time: blend(before.time, after.time, s),
-          robot: {id: 0, radius: scene.robotRadius, x, y, theta, ahead, left, omega, touches: before.touches}};
+  const robots = (scene.robots || []).map((robot, n) => {
+    const [x, y, theta, ahead, left, omega, touches] = pose(before.robots[n], after.robots[n], s);
+    return {...robot, isRobot: true, x, y, theta, ahead, left, omega, touches};
+  });
+  return {people, robots, links: before.links, time: blend(before.time, after.time, s),
+          robot: {id: 0, isRobot: true, radius: scene.robotRadius, x, y, theta, ahead, left, omega, touches: before.touches}};
 }
 
 // ---- cameras: scale in pixels per metre, the world point at the upper left corner, the direction that points up
@@ -107,15 +111,18 @@ export class SceneDrawing {
     else pen.clearRect(0, 0, pen.canvas.width, pen.canvas.height);
     pen.setTransform(s * uy, -s * ux, -s * ux, -s * uy, s * (ux * top - uy * left), s * (uy * top + ux * left));
     this.drawRoom(s);
-    if (layers.goal !== false && this.known("goal")) this.place("goal", this.scene.goal[0], this.scene.goal[1]);
+    if (layers.goal !== false && this.known("goal")) {
+      for (const robot of now.robots) this.drawWay(robot);
+      this.place("goal", this.scene.goal[0], this.scene.goal[1]);
+    }
     for (const trail of trails) this.drawTrail(trail);
-    const robots = this.known("robot") ? [now.robot] : [];
+    const robots = this.known("robot") ? [...now.robots, now.robot] : [];
     const places = Object.fromEntries([...this.scene.things, ...now.people, ...robots].map(item => [item.id, item]));
     if (layers.zones) this.inRoom(() => now.people.forEach(human => this.drawZones(human)));
     if (layers.gaze !== false && this.known("heads")) now.people.forEach(human => this.drawGaze(human));
     if (layers.links !== false) now.links.forEach(link => this.drawLink(link, places));
     now.people.forEach(human => this.drawHuman(human, now.time));
-    robots.forEach(({x, y, theta, touches}) => this.place(touches ? "touching" : "robot", x, y, theta));
+    for (const {id, x, y, theta, touches} of robots) this.place((touches ? "touching" : "robot") + (id ? ` ${id}` : ""), x, y, theta);
     pen.setTransform(fine, 0, 0, fine, 0, 0);
     if (layers.ids) Object.values(places).forEach(item => this.drawId(item));
     finish(pen, camera);
@@ -135,6 +142,15 @@ export class SceneDrawing {
         if (stroke) { pen.strokeStyle = stroke; pen.lineWidth = width; pen.stroke(path); }
       }
     });
+  }
+
+  /** The goal of a robot besides the first one, and the dashed line to it. */
+  drawWay({id, x, y, goal}) {
+    const {pen} = this;
+    pen.beginPath(); pen.moveTo(x, y); pen.lineTo(goal[0], goal[1]);
+    pen.globalAlpha = .35; pen.strokeStyle = this.scene.colours.goal; pen.lineWidth = .02; pen.setLineDash([.1, .1]); pen.stroke();
+    pen.setLineDash([]); pen.globalAlpha = 1;
+    this.place(`goal ${id}`, goal[0], goal[1]);
   }
 
   fill(colour, alpha = 1) { const {pen} = this; pen.globalAlpha = alpha; pen.fillStyle = colour; pen.fill(); pen.globalAlpha = 1; }

@@ -18,9 +18,10 @@ from ..core.relations import ACTIVITY
 from ..core.scene import Unmeasured
 from ..core.snapshot import RobotState
 from .brush import Brush, Part
-from .palette import DARK, FLOOR, GOAL, HAIR, PAPER, ROBOT, mixed, shaded
+from .palette import DARK, FLOOR, GOAL, HAIR, OTHER_ROBOT, PAPER, ROBOT, mixed, shaded
 
 _LINE = 0.022  # m, outlines
+_DASH = 0.2  # m, a dash and the gap after it, of the line to a goal
 _STRIDE = 0.75  # s per step, half of a gait cycle
 _SWINGS = 24  # poses per half swing of the feet that are distinguished, so that they can be cached
 
@@ -109,25 +110,33 @@ def draw_foot(brush: Brush, activity: str, r: float, place: Point = (0.0, 0.0)) 
     brush.ellipse(shaded(row.colour, 0.6), place, (row.foot[2] * r, row.foot[3] * r))
 
 
-def robot_part(robot: RobotState, *, touches: bool = False) -> Part:
+def robot_part(robot: RobotState, *, touches: bool = False, is_other: bool = False) -> Part:
     """A robot at its pose; see `draw_chassis`."""
     shape = robot.body.outline
-    return ("robot", shape, touches), partial(draw_chassis, shape=shape, touches=touches), robot.direction
+    draw = partial(draw_chassis, shape=shape, touches=touches, is_other=is_other)
+    return ("robot", shape, touches, is_other), draw, robot.direction
 
 
-def draw_chassis(brush: Brush, shape: Shape, *, touches: bool = False) -> None:
-    """Draw an outline with wheels, and an arrow that points ahead; its rim is thick and dark during a contact."""
-    rim, width = DARK if touches else shaded(ROBOT), 0.07 if touches else 0.035
+def draw_chassis(brush: Brush, shape: Shape, *, touches: bool = False, is_other: bool = False) -> None:
+    """Draw an outline with wheels, and an arrow that points ahead.
+
+    Args:
+        shape: of the outline.
+        touches: whether its rim is thick and dark, as during a contact.
+        is_other: whether it is in the lighter colour of the robots besides the first one.
+    """
+    colour = OTHER_ROBOT if is_other else ROBOT
+    rim, width = DARK if touches else shaded(colour), 0.07 if touches else 0.035
     middle, r = (0.0, 0.0), shape.inradius
     if not isinstance(shape, Disc):  # the origin may lie at its edge
         middle, r = _middle_of(shape)
     if isinstance(shape, Disc):
-        brush.disc(ROBOT, (0.0, 0.0), r)
+        brush.disc(colour, (0.0, 0.0), r)
         brush.ring(rim, (0.0, 0.0), r, width)
     else:
         scale = max(1.0 - 0.5 * width / r, 0.5)  # the rim lies within the outline
         inner = [(middle[0] + scale * (x - middle[0]), middle[1] + scale * (y - middle[1])) for x, y in shape.core]
-        brush.polygon(ROBOT, inner, rim, width)
+        brush.polygon(colour, inner, rim, width)
     mx, my = middle
     for side in (-1, 1):
         y = my + side * 0.72 * r
@@ -144,14 +153,30 @@ def _middle_of(shape: Shape) -> tuple[Point, float]:
     return (x, y), around.inradius
 
 
-def goal_part(goal: Goal) -> Part:
+def goal_part(goal: Goal, *, is_other: bool = False) -> Part:
     """A goal; see `draw_target`."""
-    return ("goal", goal.distance), partial(draw_target, radius=goal.distance), (1.0, 0.0)
+    draw = partial(draw_target, radius=goal.distance, is_other=is_other)
+    return ("goal", goal.distance, is_other), draw, (1.0, 0.0)
 
 
-def draw_target(brush: Brush, radius: float) -> None:
-    """Draw a target; its dashed rim is the distance (m) at which the goal counts as reached."""
-    brush.disc(mixed(FLOOR, GOAL, 0.16), (0.0, 0.0), radius)
-    brush.dashed_body(GOAL, radius, 0.0, 0.025, 16)
-    brush.ring(GOAL, (0.0, 0.0), 0.6 * radius, 0.03)
-    brush.disc(GOAL, (0.0, 0.0), 0.22 * radius)
+def draw_target(brush: Brush, radius: float, *, is_other: bool = False) -> None:
+    """Draw a target; its dashed rim is the distance (m) at which the goal counts as reached.
+
+    Args:
+        radius: of the rim, m.
+        is_other: whether it is in the lighter colour of the goals of robots besides the first one.
+    """
+    colour = mixed(FLOOR, GOAL, 0.45) if is_other else GOAL
+    brush.disc(mixed(FLOOR, GOAL, 0.08 if is_other else 0.16), (0.0, 0.0), radius)
+    brush.dashed_body(colour, radius, 0.0, 0.025, 16)
+    brush.ring(colour, (0.0, 0.0), 0.6 * radius, 0.03)
+    brush.disc(colour, (0.0, 0.0), 0.22 * radius)
+
+
+def draw_way(brush: Brush, start: Point, goal: Point) -> None:
+    """Draw the dashed line from a robot besides the first one to its goal, world frame, m."""
+    dx, dy = goal[0] - start[0], goal[1] - start[1]
+    dashes = max(int(math.hypot(dx, dy) / _DASH), 1)
+    for k in range(dashes):
+        ends = ((k + part) / dashes for part in (0.0, 0.5))
+        brush.stroke(mixed(FLOOR, GOAL, 0.35), [(start[0] + s * dx, start[1] + s * dy) for s in ends], 0.02)

@@ -32,6 +32,7 @@ def between(before: Snapshot, after: Snapshot, fraction: float) -> Snapshot:
         time=before.time + (after.time - before.time) * fraction,
         humans=_humans_between(before.humans, after.humans, fraction),
         robot=_robot_between(before.robot, after.robot, fraction),
+        robots=tuple(_robot_between(*pair, fraction) for pair in zip(before.robots, after.robots, strict=True)),
     )
 
 

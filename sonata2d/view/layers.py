@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..core.entities import ROBOT_ID, Interaction
+from ..core.entities import Interaction
 from ..core.geometry import Barriers, Point
 from ..core.humans import HumanState
 from ..core.portable_math import Array
@@ -168,11 +168,12 @@ def _draw_velocity(brush: Brush, position: Point, velocity: Point, colour: Colou
 
 
 def draw_velocities(brush: Brush, snapshot: Snapshot, humans: Sequence[HumanState]) -> None:
-    """Draw the velocity of each pedestrian and of the robot as an arrow."""
+    """Draw the velocity of each pedestrian and robot as an arrow."""
     for human in humans:
         _draw_velocity(brush, human.pose.position, human.velocity, shaded(ACTIVITY[human.activity].colour, 0.3))
     if "robot" not in snapshot.scene.unmeasured:
-        _draw_velocity(brush, snapshot.robot.position, snapshot.robot.velocity, shaded(ROBOT, 0.3))
+        for robot in (snapshot.robot, *snapshot.robots):
+            _draw_velocity(brush, robot.position, robot.velocity, shaded(ROBOT, 0.3))
 
 
 # Interactions
@@ -229,7 +230,7 @@ def _link_ends(snapshot: Snapshot, humans: Sequence[HumanState]) -> _Ends:
     """Position of every entity that a link can join, and the radius at which the link ends, m, by id."""
     ends = {item.id: (item.pose.position, 0.8 * min(half_size(item))) for item in snapshot.objects}
     ends |= {human.id: (human.pose.position, human.radius) for human in humans}
-    return ends | {ROBOT_ID: (snapshot.robot.position, snapshot.robot.radius)}
+    return ends | {robot.id: (robot.position, robot.radius) for robot in (snapshot.robot, *snapshot.robots)}
 
 
 def _joined(brush: Brush, link: Interaction, ends: _Ends) -> tuple[Brush, float] | None:

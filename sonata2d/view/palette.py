@@ -17,6 +17,7 @@ VERMILLION: Colour = (213, 94, 0)
 PURPLE: Colour = (204, 121, 167)
 GREY: Colour = (150, 155, 163)
 ROBOT, GOAL = VERMILLION, GREEN
+OTHER_ROBOT: Colour = (232, 160, 110)  # of the robots besides the first one, a lighter tone
 HAIR: Colour = (72, 60, 54)
 
 # Paths of pedestrians: P. Tol's muted palette, Colour Schemes (SRON technical note, 2021), without the tones that

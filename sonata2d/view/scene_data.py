@@ -12,14 +12,14 @@ from xml.etree import ElementTree
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearance, obstacle_clearance, touched_kind
 from ..core.relations import ACTIVITIES, ACTIVITY
 from ..core.scene import Scene
-from ..core.snapshot import Snapshot
+from ..core.snapshot import RobotState, Snapshot
 from .brush import Brush
 from .draw import camera_for, draw_still_parts
 from .figures import draw_chassis, draw_foot, draw_head, draw_limbs, draw_target
 from .furniture import half_size
 from .layers import Layers, visible_interactions
 from .legend import Legend
-from .palette import BLUE, FAINT, FLOOR, GOAL, INK, ROBOT, Colour, hex_colour, mixed, shaded
+from .palette import BLUE, FAINT, FLOOR, GOAL, INK, OTHER_ROBOT, ROBOT, Colour, hex_colour, mixed, shaded
 from .projection import Camera
 from .svg import SvgCanvas
 from .trails import human_tones
@@ -50,6 +50,7 @@ def _tones(colour: Colour) -> dict[str, Colour]:
 
 _COLOURS = {
     "robot": ROBOT,
+    "otherRobot": OTHER_ROBOT,
     "goal": GOAL,
     "zone": BLUE,
     "intimateLine": mixed(FLOOR, INK, 0.3),
@@ -77,6 +78,10 @@ def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # no
         "walls": [[*wall.start, *wall.end] for wall in scene.walls],
         "goal": [*scene.goal.position, scene.goal.distance],
         "robotRadius": scene.robot.radius,
+        "robots": [
+            {"id": other.id, "radius": other.robot.radius, "goal": [*other.goal.position, other.goal.distance]}
+            for other in scene.robots
+        ],
         "humans": [
             {
                 "id": h.id,
@@ -119,6 +124,10 @@ def _symbols(scene: Scene) -> dict[str, str]:
         "head": partial(draw_head, r=1.0),
         "round head": partial(draw_head, r=1.0, nose=False),
     }
+    for other in scene.robots:
+        chassis = partial(draw_chassis, shape=other.robot.outline, is_other=True)
+        drawings[f"robot {other.id}"], drawings[f"touching {other.id}"] = chassis, partial(chassis, touches=True)
+        drawings[f"goal {other.id}"] = partial(draw_target, radius=other.goal.distance, is_other=True)
     for name, activity in ACTIVITY.items():
         # of a walking pedestrian, the feet are placed one by one
         drawings[name] = partial(draw_foot if activity.stride else draw_limbs, activity=name, r=1.0)
@@ -131,10 +140,11 @@ def _symbols(scene: Scene) -> dict[str, str]:
 
 
 def state_data(snapshot: Snapshot) -> dict[str, Any]:
-    """The data of one tick: time, rows of robot and pedestrians, links, contact, distances."""
+    """The data of one tick: time, rows of robots and pedestrians, links, contact, distances."""
     return {
         "time": _number(snapshot.time),
-        "robot": _robot_row(snapshot),
+        "robot": _robot_row(snapshot.robot),
+        **({"robots": [_other_row(snapshot, k) for k in range(len(snapshot.robots))]} if snapshot.robots else {}),
         "people": _human_rows(snapshot),
         "links": [(link.src, link.dst) for link in visible_interactions(snapshot)],
         "touches": touched_kind(snapshot),
@@ -181,9 +191,15 @@ def _room_url(scene: Scene, camera: Camera, layers: Layers) -> str:
     return "data:image/svg+xml;base64," + base64.b64encode(ElementTree.tostring(canvas.root)).decode("ascii")
 
 
-def _robot_row(snapshot: Snapshot) -> list[float | None]:
+def _other_row(snapshot: Snapshot, k: int) -> list[float | None]:
+    """The row of another robot, and whether it touches something, 1 or 0."""
+    contacts = snapshot.contacts_of_robots
+    return [*_robot_row(snapshot.robots[k]), 1.0 if contacts and contacts[k] else 0.0]
+
+
+def _robot_row(robot: RobotState) -> list[float | None]:
     """x, y, theta, vx, vy, omega; the velocity in the body frame."""
-    pose, twist = snapshot.robot.pose, snapshot.robot.twist
+    pose, twist = robot.pose, robot.twist
     return [_number(value) for value in (pose.x, pose.y, pose.theta, twist.vx, twist.vy, twist.omega)]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,9 +11,9 @@ from ..core.geometry import Point
 from ..core.portable_math import Array, BoolArray
 from ..core.snapshot import Snapshot
 from .brush import Brush
-from .palette import FLOOR, PAPER, PATHS, Colour, mixed, shaded, time_colour
+from .palette import FLOOR, OTHER_ROBOT, PAPER, PATHS, Colour, mixed, shaded, time_colour
 
-_HUMAN_WIDTH, _ROBOT_WIDTH = 0.035, 0.07  # m
+_HUMAN_WIDTH, _OTHER_WIDTH, _ROBOT_WIDTH = 0.035, 0.05, 0.07  # m
 MARK_INTERVAL = 5.0  # s, between the marks on the robot's trail
 _TONES = 12  # of a pedestrian's path; the robot's has a tone a step
 _MAX_STEP = 1.0  # m per tick; an agent that moves farther has re-entered the scene elsewhere
@@ -27,6 +27,7 @@ class Trails:
         time: (T,), s.
         robot: (T, 2), m.
         humans: (T, N, 2), m; not finite where a pedestrian is absent.
+        robots: (T, M, 2), m, of the other robots; may be empty.
         is_tail: whether these are only the last seconds; then pictures show no time marks.
     """
 
@@ -34,6 +35,7 @@ class Trails:
     robot: Array
     humans: Array
     is_tail: bool = False
+    robots: Array = field(default_factory=lambda: np.zeros((0, 0, 2)))
 
     @classmethod
     def of(cls, snapshots: Iterable[Snapshot], *, is_tail: bool = False) -> Trails:
@@ -46,6 +48,7 @@ class Trails:
             np.array([s.robot.position for s in snapshots], dtype=float).reshape(len(snapshots), 2),
             np.array(humans, dtype=float).reshape(len(snapshots), count, 2),
             is_tail,
+            _positions_of_others(snapshots),
         )
 
     @property
@@ -61,8 +64,16 @@ class Trails:
         return np.asarray((self.time - self.time[0]) / (self.time[-1] - self.time[0]), dtype=float)
 
 
+def _positions_of_others(snapshots: Sequence[Snapshot]) -> Array:
+    """(T, M, 2), m, of the other robots."""
+    count = len(snapshots[0].robots) if snapshots else 0
+    return np.array([[robot.position for robot in s.robots] for s in snapshots]).reshape(len(snapshots), count, 2)
+
+
 def draw_trails(brush: Brush, trails: Trails | None, *, robot: bool = True) -> None:
-    """Draw the pedestrians' paths, then the robot's on top, with time marks unless it is a tail; nothing for None.
+    """Draw the paths of pedestrians and robots, the first robot's on top, with time marks unless it is a tail.
+
+    Nothing is drawn for None.
 
     Args:
         robot: whether to draw the robot's path.
@@ -76,6 +87,8 @@ def draw_trails(brush: Brush, trails: Trails | None, *, robot: bool = True) -> N
     brush.steps(colours, trails.humans[step, who], trails.humans[step + 1, who], _HUMAN_WIDTH)
     if not robot:
         return
+    who, step = np.nonzero(_walked(trails.robots).T)
+    brush.steps([OTHER_ROBOT] * len(who), trails.robots[step, who], trails.robots[step + 1, who], _OTHER_WIDTH)
     colours = [time_colour(part) for part in fraction.tolist()]
     (step,) = np.nonzero(_walked(trails.robot))
     brush.steps([colours[t + 1] for t in step.tolist()], trails.robot[step], trails.robot[step + 1], _ROBOT_WIDTH)

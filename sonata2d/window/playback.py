@@ -77,7 +77,8 @@ class Player:
         """Paths of the last seconds, from the arrays of the file."""
         states, end = self.record.states, self.index + 1
         part = slice(max(end - round(_TRAIL / self.dt), 0), end)
-        return Trails(states.time[part], states.robot[part, :2], states.humans[part, :, :2], is_tail=True)
+        positions = states.robot[part, :2], states.humans[part, :, :2]
+        return Trails(states.time[part], *positions, is_tail=True, robots=states.robots[part, :, :2])
 
     @property
     def time_text(self) -> str:

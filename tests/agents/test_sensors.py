@@ -20,7 +20,7 @@ from sonata2d.core.scene import Scene
 from sonata2d.core.snapshot import Snapshot
 from sonata2d.datasets import verify
 from sonata2d.errors import ControllerError
-from sonata2d.sim.episode import renderer_for
+from sonata2d.sim.driver import renderer_for
 
 from ..conftest import room, walker
 

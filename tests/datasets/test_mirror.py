@@ -33,8 +33,8 @@ from sonata2d.datasets.transforms.mirror import (
 from sonata2d.errors import InvalidFileError, RecordError
 from sonata2d.record.canonical import serialise, to_json_value
 from sonata2d.record.files import read_bytes
-from sonata2d.record.reader import read_episode, record_from_document
-from sonata2d.record.record import EpisodeRecord
+from sonata2d.record.reader import read_episode
+from sonata2d.record.record import EpisodeRecord, record_from_document
 from sonata2d.record.validate import require_valid
 
 from ..conftest import room
@@ -205,7 +205,8 @@ def test_the_function_that_mirrors_labels_must_be_its_own_inverse(tmp_path: Path
 def test_the_device_mappings_of_a_driven_run_are_mirrored(tmp_path: Path) -> None:
     path, spec = tmp_path / "driven.json", LabelSpec("slider", "frame")
     controller, events = Teleoperation(label=spec), iter(range(100))
-    from sonata2d.sim.episode import Episode, controller_info_of
+    from sonata2d.sim.driver import controller_info_of
+    from sonata2d.sim.episode import Episode
 
     with s2.JsonRecorder(path) as recorder:
         controller_info = controller_info_of(controller, "teleoperation")

@@ -17,7 +17,7 @@ from sonata2d.datasets import verify
 from sonata2d.datasets.check.replay import branch, check_replay, check_rerun
 from sonata2d.errors import RecordError
 from sonata2d.record.reader import read_episode
-from sonata2d.sim.episode import controller_info_of
+from sonata2d.sim.driver import controller_info_of
 from sonata2d.version import PHYSICS_VERSION
 
 

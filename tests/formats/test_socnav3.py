@@ -24,8 +24,8 @@ from sonata2d.formats.format import Options
 from sonata2d.formats.importing import encode_episode
 from sonata2d.record.files import read_bytes
 from sonata2d.record.layout import JsonDict
-from sonata2d.record.reader import read_episode, record_from_document
-from sonata2d.record.record import EpisodeRecord
+from sonata2d.record.reader import read_episode
+from sonata2d.record.record import EpisodeRecord, record_from_document
 from sonata2d.scenegen.scenario.load import preset_names
 
 from ..record.conftest import episode  # noqa: F401

@@ -27,8 +27,8 @@ from sonata2d.learning.graph.graph import NODE_TYPES, RELATIONS, Graph, wall_pie
 from sonata2d.learning.graph.modern import modern_graph
 from sonata2d.learning.graph.paper import kept_ticks, paper_graphs
 from sonata2d.record.motion import motion_of
-from sonata2d.record.reader import read_episode, record_from_document
-from sonata2d.record.record import EpisodeRecord
+from sonata2d.record.reader import read_episode
+from sonata2d.record.record import EpisodeRecord, record_from_document
 from sonata2d.view.graph_picture import NODE_COLOUR
 
 KINDS = ("square", "rectangle", "l")

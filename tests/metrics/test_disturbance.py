@@ -17,8 +17,7 @@ from sonata2d.datasets.transforms.mirror import mirrored
 from sonata2d.metrics.disturbance import without_robot
 from sonata2d.metrics.measurement import measure
 from sonata2d.metrics.trajectory import Trajectory
-from sonata2d.record.reader import record_from_document
-from sonata2d.record.record import EpisodeRecord
+from sonata2d.record.record import EpisodeRecord, record_from_document
 from sonata2d.record.recorder import EpisodeRecorder
 
 from ..conftest import room, walker

@@ -20,7 +20,7 @@ from sonata2d.core.portable_math import Array
 from sonata2d.core.relations import TALKING
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Status
-from sonata2d.metrics.catalogue import ALL
+from sonata2d.metrics.catalogue import ALL, FAMILIES
 from sonata2d.metrics.definition import Metric, metric
 from sonata2d.metrics.trajectory import Trajectory
 from sonata2d.record.record import EpisodeRecord
@@ -397,5 +397,6 @@ def test_the_runs_give_several_values_of_nearly_every_metric() -> None:
         for name, value in measured(run).items():
             values[name].add(value)
     constant = {name for name, found in values.items() if len(found - {None}) < 2}
-    # They have no people far away, and no driver in a browser.
-    assert constant <= {"timeout", "zone_public", "round_trip_median", "round_trip_95"}
+    # They have no people far away, no driver in a browser, and no other robots.
+    rare = {metric.name for family in ("Several robots", "Delay of the driver") for metric in FAMILIES[family]}
+    assert constant <= {"timeout", "zone_public"} | rare

@@ -42,7 +42,7 @@ def solids(case: Situation) -> Packed[Solids]:
 @kernel
 def found_near(packed_guard: Any, bodies: Array, packed_solids: Any, rules: Array) -> None:
     """Compiled `find_near`."""
-    find_near(unpack(packed_guard, Guard), bodies, unpack(packed_solids, Solids), rules)
+    find_near(unpack(packed_guard, Guard), bodies, len(bodies) - 1, unpack(packed_solids, Solids), rules)
 
 
 @kernel
@@ -84,9 +84,10 @@ def situation(
         torso=np.column_stack([np.cos(rows[:, 4]), np.sin(rows[:, 4])]),
         human_contact=np.full(count, 7),
         barrier_contact=np.full(len(walls), 7),
+        robot_contact=np.full(1, 7),
         barrier_owner=np.array(range(len(walls)) if owners is None else owners, dtype=np.int64),
         near=np.zeros(count + len(walls), dtype=np.int64),
-        counts=np.full(3, 9),
+        counts=np.array([9, 9, 9, 0]),
         separation=np.zeros((count + len(walls), 4)),
     )
     return Situation(guard, np.vstack([rows[:, :4], (0.0, 0.0, *velocity)]), barriers, values)
@@ -96,8 +97,9 @@ def near(case: Situation) -> tuple[list[int], list[int]]:
     """The people and the walls that are near, after all contacts are cleared."""
     walls = solids(case)
     found_near(pack(case.guard), case.bodies, walls.argument, case.rules)
-    assert not case.guard.human_contact.any() | case.guard.barrier_contact.any() | case.guard.counts[2]
-    people, barriers, _ = case.guard.counts.tolist()
+    assert not case.guard.human_contact.any() | case.guard.barrier_contact.any() | case.guard.robot_contact.any()
+    assert not case.guard.counts[2]
+    people, barriers, *_ = case.guard.counts.tolist()
     found = case.guard.near.tolist()
     return found[:people], found[people : people + barriers]
 

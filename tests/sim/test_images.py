@@ -76,7 +76,7 @@ def test_a_controller_without_a_request_gets_no_image_and_loads_no_pygame(busy: 
     assert frame is not None
     assert frame.snapshot.image is None
     code = (
-        "import sys, sonata2d as s2; from sonata2d.sim.episode import renderer_for;"
+        "import sys, sonata2d as s2; from sonata2d.sim.driver import renderer_for;"
         "c = s2.StraightToGoal(); s2.Episode(s2.generate(s2.ScenarioConfig(), 1), c, renderer=renderer_for(c)).step();"
         "print('pygame' in sys.modules)"
     )

@@ -87,6 +87,10 @@ class Controller(ABC):
         sensors: of the robot, such as `Lidar()`; `act` and `label` read them as `snapshot.sensors`.
         partial: whether `act` gets no more than the robot knows: the readings of its sensors, its goal, and what its
             drive executed. `label` gets the whole snapshot.
+        robots_as_people: whether `reset` and `act` get the other robots of a scene as people that walk, in the place of
+            `scene.robots` and `snapshot.robots`; for controllers that know one robot only.
+        drives_several: whether one object may drive several robots of an episode. `reset` is called with the scene in
+            the view of each, and `act` with its snapshot; `scene.robot_id` and `snapshot.robot.id` tell them apart.
         deterministic: True if equal snapshots always give equal answers; `check --rerun` then verifies recorded runs.
 
     >>> class Forward(Controller):
@@ -99,6 +103,8 @@ class Controller(ABC):
     image: ImageRequest | None = None
     sensors: Sequence[Sensor] = ()
     partial: bool = False
+    robots_as_people: bool = False
+    drives_several: bool = False
     deterministic: bool = True
 
     @classmethod
@@ -149,6 +155,7 @@ class External(Controller):
     """Stands for a client that gives the commands through `Episode.apply`; it cannot be asked for one."""
 
     deterministic = False
+    drives_several = True
 
     def act(self, snapshot: Snapshot) -> Answer:
         raise ControllerError("this episode has no controller; give its commands to Episode.apply")

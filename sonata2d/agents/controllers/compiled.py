@@ -33,10 +33,12 @@ class KernelController(Controller):
     Attributes:
         kernel: a function with the decorator `kernel`. Its arguments are the packed memory, the number of the tick, the
             robot (13,) and the humans of the scene (N, 9), in the columns of `State.row`, whether each human is present
-            (N,), and the command (3,), all of which it writes: vx, vy (m/s), omega (rad/s), body frame.
+            (N,), and the command (3,), all of which it writes: vx, vy (m/s), omega (rad/s), body frame. Other robots of
+            the scene follow the humans, as people that walk.
     """
 
     kernel: Callable[..., None]
+    robots_as_people = True
 
     @abstractmethod
     def memory(self, scene: Scene) -> tuple[Any, ...]:
@@ -45,16 +47,17 @@ class KernelController(Controller):
     def reset(self, scene: Scene) -> None:
         if self.partial:
             raise ControllerError(f"{type(self).__name__} is compiled and reads the whole state: it cannot be partial")
-        memory = self.memory(scene)
+        memory = self.memory(scene.with_robots_as_people)
         if not hasattr(memory, "_fields"):
             raise TypeError(f"{type(self).__name__}.memory must return a NamedTuple, got {shown(memory)}")
         self._scene, self._memory = scene, Packed[Any](memory)
 
     def act(self, snapshot: Snapshot) -> Twist:
-        state, command = snapshot.state, np.empty(3)
+        memory, command = self._memory_for(snapshot.scene), np.empty(3)
+        state = snapshot.with_robots_as_people().state
         row = state.row.copy()  # kernels take writeable arrays
         is_present = np.ones(len(state.activity), dtype=bool) if state.is_present is None else state.is_present.copy()
-        humans, memory = row[ROBOT_SIZE:].reshape(-1, HUMAN_SIZE), self._memory_for(snapshot.scene)
+        humans = row[ROBOT_SIZE:].reshape(-1, HUMAN_SIZE)
         self._kernel(memory.argument, snapshot.tick, row[:ROBOT_SIZE], humans, is_present, command)
         return Twist(*command.tolist())
 

@@ -88,7 +88,7 @@ class HumanLike(Controller):
 
     def reset(self, scene: Scene) -> None:
         self._inner.reset(known_to(self._inner, scene))
-        self._rng = RandomStream(scene.seed, scene.episode, "controller")
+        self._rng = RandomStream(scene.seed, scene.episode, "controller", scene.robot_id or None)
         self._side, dt = float(scene.rules.side), scene.rules.dt
         self._lag_gain, self._noise_decay = 1.0 - _decay(dt, self.lag), _decay(dt, _NOISE_TIME)
         self._delayed: deque[Twist] = deque(maxlen=int(self.delay / dt + 0.5) + 1)

@@ -69,11 +69,11 @@ class Labelled(Controller):
 
     def reset(self, scene: Scene) -> None:
         self.driver.reset(known_to(self.driver, scene))
-        self.labeller.reset(scene)
+        self.labeller.reset(known_to(self.labeller, scene))
 
     def act(self, snapshot: Snapshot) -> Answer:
         answer = self.driver.act(shown_to(self.driver, snapshot))
-        self._label = self._label_of(self.labeller.act(snapshot))
+        self._label = self._label_of(self.labeller.act(shown_to(self.labeller, snapshot)))
         if isinstance(answer, Twist):
             self.labeller.command_overridden(answer)
         return answer

@@ -15,6 +15,7 @@ class LearnedController(Controller):
     A subclass takes the path as first argument, and sets `_path` and `_sha256`, both None without a file of its own.
     """
 
+    robots_as_people = True
     stock: ClassVar[str] = "the policy"  # name of the weights that have no path
 
     _path: str | None

@@ -232,7 +232,8 @@ class LocalPlanner(Controller):
                 drive.address(), state.parameters, state.limits, state.memory, np.zeros(7), np.zeros(3),
             )
         )  # fmt: skip
-        self._noise = RandomStream(scene.seed, scene.episode, "controller", "local-planner")
+        name = f"local-planner/{scene.robot_id}" if scene.robot_id else "local-planner"
+        self._noise = RandomStream(scene.seed, scene.episode, "controller", name)
 
     def settings(self) -> Mapping[str, Any]:
         return {**super().settings(), "sensors": [{"sensor": type(s).__name__, **asdict(s)} for s in self.sensors]}

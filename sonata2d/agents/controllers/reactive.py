@@ -87,6 +87,7 @@ class SocialForce(Controller):
     """
 
     version = "1"
+    robots_as_people = True
 
     def __init__(self, speed: float = 0.9, gain: float = 2.0, model: str = "moussaid2009") -> None:
         if model not in PEDESTRIAN_MODELS:

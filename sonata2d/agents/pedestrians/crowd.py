@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from ...core.barrier_grid import is_crossed, solids_of
+from ...core.barrier_grid import solids_of
 from ...core.compiled.calls import FLAG, FLOAT, FLOATS, FLOATS2, INT, PACKED, address_of, call
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Kept, Packed, arrays_of, pack, unpack, zeros
 from ...core.compiled.scalar import length, rotation, unit_or
 from ...core.entities import DEFAULT_MODEL, Interaction
 from ...core.free_space import check_line, check_place
-from ...core.geometry import Barriers, Point, as_point
+from ...core.geometry import Barriers, Point
 from ...core.humans import BODY_X, BODY_Y, MAXIMUM_SPEED_RATIO, VX, VY, X, Y, frozen
 from ...core.path_search import find_path
 from ...core.philox import draws_of
@@ -43,7 +43,16 @@ from .models.base import (
 from .neighbours import find_neighbours, find_walls, with_lists, with_longer_lists
 from .orientation import HEAD_LEAD_TIME, IDLE_SPEED, MINIMUM_HEAD_LEAD, facing, gaze, initial_glances
 from .passages import find_passages, give_way
-from .reactions import adjust_course, apply_adjustment, initial_reactions, notice_robot, robot_repulsion, step_back
+from .reactions import (
+    adjust_course,
+    apply_adjustment,
+    choose_robot,
+    initial_reactions,
+    notice_robot,
+    robot_repulsion,
+    step_back,
+)
+from .robots import robots_of
 from .routes import (
     MOST_WAYPOINTS,
     Routes,
@@ -92,7 +101,6 @@ class Crowd:
         self._scene, self._model = scene, pedestrian_model(names[0])(scene)
         self._spaces = Spaces(scene, solids_of(Barriers.of(_blocking_walls(scene))))
         self._state = Packed(_initial_state(scene, self._spaces, self._model))
-        self._robot_position: Point = scene.robot.pose.position
         self._all_present = True
         self._ids = [*scene.human_table.id.tolist(), *(piece.id for piece in scene.furniture)]
         seats = {piece: row for row, piece in enumerate(self._state.value.fixtures.seat_piece.tolist())}
@@ -109,7 +117,7 @@ class Crowd:
         # The state holds addresses of its own arrays, so that a copy is made anew and gets the contents of the arrays.
         own = self.state
         lengths, arrays = (len(own.walkers.neighbour), len(own.walkers.wall)), [*arrays_of(own, _CONSTANT)]
-        return _continued, (self._scene, self._model, lengths, arrays, self._robot_position, self._all_present)
+        return _continued, (self._scene, self._model, lengths, arrays, self._all_present)
 
     def act(self, snapshot: Snapshot) -> CrowdCommands:
         """The commands of all pedestrians for the next tick.
@@ -121,9 +129,9 @@ class Crowd:
         if len(state.humans) != len(own.is_present):
             raise ValueError(f"a crowd of {len(own.is_present)} got a snapshot of {len(state.humans)} pedestrians")
         self._set_presence(state.is_present)
-        while not prepare(self.argument, snapshot.tick, state.robot, state.humans):
+        own.robots.state[0], own.robots.state[1:] = state.robot, state.robots
+        while not prepare(self.argument, snapshot.tick, state.humans):
             self.extend_lists()
-        self._robot_position = as_point(state.robot)
         acceleration = self._acceleration()
         self.read_company()
         own = self._state.value
@@ -196,16 +204,16 @@ class Crowd:
 
     def _refresh(self, rows: Array) -> Array:
         """`CrowdCommands.refresh`: the accelerations in the present state of the bodies."""
-        walkers = self._state.value.walkers
-        walkers.position[:], walkers.velocity[:] = rows[:-1, X : Y + 1], rows[:-1, VX : VY + 1]
-        self._robot_position = as_point(rows[-1])
+        walkers, robots = self._state.value.walkers, self._state.value.robots.state
+        people = rows[: len(rows) - len(robots)]
+        walkers.position[:], walkers.velocity[:] = people[:, X : Y + 1], people[:, VX : VY + 1]
+        robots[:, X : Y + 1] = rows[len(people) :, X : Y + 1]
         return self._acceleration()
 
     def _acceleration(self) -> Array:
         """(N, 2), m/s^2: by the model for walking pedestrians, back to their positions for standing ones."""
         walking = checked_acceleration(self._model, self._state.value.walkers)
-        x, y = self._robot_position
-        total_acceleration(self._state.argument, walking, x, y)
+        total_acceleration(self._state.argument, walking)
         return self._state.value.intentions.acceleration
 
     def _set_presence(self, is_present: BoolArray | None) -> None:
@@ -221,12 +229,11 @@ class Crowd:
 
 
 def _continued(
-    scene: Scene, model: PedestrianModel, lengths: tuple[int, int], arrays: list[Array], robot_position: Point,
-    all_present: bool,
-) -> Crowd:  # fmt: skip
+    scene: Scene, model: PedestrianModel, lengths: tuple[int, int], arrays: list[Array], all_present: bool
+) -> Crowd:
     """A crowd that goes on from the arrays of another one of the same scene; see `Crowd.__reduce__`."""
     crowd = Crowd(scene)
-    crowd._model, crowd._robot_position, crowd._all_present = model, robot_position, all_present
+    crowd._model, crowd._all_present = model, all_present
     crowd._use_lists(with_lists(crowd.state.walkers, *lengths))
     for place, array in zip(arrays_of(crowd.state, _CONSTANT), arrays, strict=True):
         place[...] = array
@@ -244,6 +251,7 @@ def _initial_state(scene: Scene, spaces: Spaces, model: PedestrianModel) -> Crow
     walkers = with_longer_lists(_walkers(scene), min(count * count, 64 * count), min(len(scene.barriers), 32) * count)
     law = _law_of(model, scene, walkers)
     return CrowdState(
+        robots=robots_of(scene),
         obstacles=spaces.obstacles,
         routes=routes,
         journeys=journeys,
@@ -325,13 +333,14 @@ def _journeys(scene: Scene) -> Journeys:
 
 
 @kernel
-def prepare(packed_state: Any, tick: int, robot: Array, humans: Array) -> bool:
+def prepare(packed_state: Any, tick: int, humans: Array) -> bool:
     """Find what surrounds all pedestrians, and decide what they do in a tick.
 
     Args:
-        packed_state: packed `CrowdState`; neighbour lists, walkers and intentions are filled.
+        packed_state: packed `CrowdState`, with the states of the robots; neighbour lists, walkers and intentions are
+            filled.
         tick: that begins.
-        robot, humans: columns of `core.state` and `core.humans`; one row for each pedestrian of the scene.
+        humans: columns of `core.humans`; one row for each pedestrian of the scene.
 
     Returns:
         False if the lists are shorter than `CrowdState.needed`: nothing else has changed.
@@ -348,15 +357,15 @@ def prepare(packed_state: Any, tick: int, robot: Array, humans: Array) -> bool:
     crowd.needed[1] = find_walls(walkers, crowd.is_present, crowd.obstacles.solids)
     if crowd.needed[0] > len(walkers.neighbour) or crowd.needed[1] > len(walkers.wall):
         return False
-    _decide(crowd, tick, robot, humans)
+    _decide(crowd, tick, humans)
     return True
 
 
 @subroutine
-def _decide(crowd: CrowdState, tick: int, robot: Array, humans: Array) -> None:
+def _decide(crowd: CrowdState, tick: int, humans: Array) -> None:
     """Decide what all pedestrians do in a tick."""
     calls, is_present, routes = crowd.calls, crowd.is_present, crowd.routes
-    call(calls.advance_tasks, (crowd, tick, robot))
+    call(calls.advance_tasks, (crowd, tick))
     item = 0
     while item < routes.walkers[0]:
         item = next_without_destination(
@@ -373,10 +382,10 @@ def _decide(crowd: CrowdState, tick: int, robot: Array, humans: Array) -> None:
     _set_desires(crowd, humans, is_present)
     give_way(crowd.passages, routes, crowd.walkers, humans, is_present, crowd.obstacles.side, crowd.obstacles.dt)
     for k in range(len(humans)):
-        crowd.intentions.robot_in_sight[k] = is_present[k] and not is_crossed(
-            crowd.obstacles.view_blocks, humans[k, X], humans[k, Y], robot[X], robot[Y]
+        crowd.intentions.robot_in_sight[k] = is_present[k] and choose_robot(
+            crowd.reactions, k, crowd.robots, crowd.obstacles.view_blocks, humans[k, X], humans[k, Y]
         )
-    _react(crowd, robot, humans, is_present)
+    _react(crowd, humans, is_present)
     _orient(crowd, tick, humans, is_present)
 
 
@@ -399,14 +408,14 @@ def _set_desires(crowd: CrowdState, humans: Array, is_present: BoolArray) -> Non
 
 
 @subroutine
-def _react(crowd: CrowdState, robot: Array, humans: Array, is_present: BoolArray) -> None:
+def _react(crowd: CrowdState, humans: Array, is_present: BoolArray) -> None:
     """Adjust desired directions and speeds, and the positions of standing pedestrians, to the robot."""
     intentions, reactions, walkers, dt = crowd.intentions, crowd.reactions, crowd.walkers, crowd.obstacles.dt
-    social = crowd.company
+    social, robots = crowd.company, crowd.robots
     any_notices, any_changed = False, False
     for k in range(len(humans)):
         reactions.notices[k] = False
-        if is_present[k] and notice_robot(reactions, k, robot, humans, intentions.robot_in_sight[k], dt):
+        if is_present[k] and notice_robot(reactions, k, robots, humans, intentions.robot_in_sight[k], dt):
             any_notices = True
     direction, speed = walkers.desired_direction, walkers.desired_speed
     for k in range(len(humans)):
@@ -415,8 +424,9 @@ def _react(crowd: CrowdState, robot: Array, humans: Array, is_present: BoolArray
         if not any_notices:
             reactions.delay[k] = max(reactions.delay[k] - 0.5 * dt, 0.0)
         elif adjust_course(
-            reactions, k, robot, walkers, direction[k, 0] * speed[k], direction[k, 1] * speed[k], speed[k],
-            social.is_walking[k], crowd.obstacles.solids.table, crowd.obstacles.side, dt,
+            reactions, k, robots.state[reactions.robot[k]], walkers, direction[k, 0] * speed[k],
+            direction[k, 1] * speed[k], speed[k], social.is_walking[k], crowd.obstacles.solids.table,
+            crowd.obstacles.side, dt,
         ):  # fmt: skip
             any_changed = True
     for k in range(len(humans)):
@@ -426,7 +436,7 @@ def _react(crowd: CrowdState, robot: Array, humans: Array, is_present: BoolArray
             )
         x, y = social.standing_position[k, 0], social.standing_position[k, 1]
         intentions.standing_position[k, 0], intentions.standing_position[k, 1] = step_back(
-            reactions, k, robot, x, y, walkers.radius[k], crowd.obstacles.solids
+            reactions, k, robots.state[reactions.robot[k]], x, y, walkers.radius[k], crowd.obstacles.solids
         )
 
 
@@ -486,12 +496,11 @@ def _orient(crowd: CrowdState, tick: int, humans: Array, is_present: BoolArray) 
 
 
 @kernel
-def accelerate(packed_state: Any, robot_x: float, robot_y: float) -> None:
+def accelerate(packed_state: Any) -> None:
     """The accelerations of all pedestrians by a model that is a kernel.
 
     Args:
         packed_state: packed `CrowdState` after `prepare`; `intentions.acceleration` is filled.
-        robot_x, robot_y: m.
     """
     crowd = unpack(packed_state, CrowdState)
     law, walking, obstacles = crowd.law, crowd.intentions.walking_acceleration, crowd.obstacles
@@ -499,7 +508,7 @@ def accelerate(packed_state: Any, robot_x: float, robot_y: float) -> None:
         walking[k, 0] = walking[k, 1] = 0.0
     barriers, side, dt = obstacles.solids.table, float(obstacles.side), obstacles.dt
     call(law.kernel, (law.packed_walkers, law.packed_parameters, barriers, side, dt, walking))
-    _total_acceleration(crowd, walking, robot_x, robot_y)
+    _total_acceleration(crowd, walking)
 
 
 @kernel
@@ -508,20 +517,23 @@ def refresh(packed_state: Any, bodies: Array) -> None:
 
     Args:
         packed_state: packed `CrowdState`; `intentions.acceleration` is filled.
-        bodies: (N + 1, 4), x, y, vx, vy, m and m/s, the robot last.
+        bodies: (N + R, 4), x, y, vx, vy, m and m/s, the robots last.
     """
     crowd = unpack(packed_state, CrowdState)
-    walkers, robot = crowd.walkers, bodies[len(bodies) - 1]
-    for k in range(len(bodies) - 1):
-        for axis in range(2):
+    walkers, robots = crowd.walkers, crowd.robots.state
+    count = len(bodies) - len(robots)
+    for axis in range(2):
+        for k in range(count):
             walkers.position[k, axis], walkers.velocity[k, axis] = bodies[k, axis], bodies[k, 2 + axis]
-    call(crowd.calls.accelerate, (crowd, robot[0], robot[1]))
+        for r in range(len(robots)):
+            robots[r, axis] = bodies[count + r, axis]
+    call(crowd.calls.accelerate, (crowd,))
 
 
 @kernel
-def total_acceleration(packed_state: Any, walking: Array, robot_x: float, robot_y: float) -> None:
+def total_acceleration(packed_state: Any, walking: Array) -> None:
     """Complete the accelerations of a model, (N, 2), m/s^2, see `accelerate`."""
-    _total_acceleration(unpack(packed_state, CrowdState), walking, robot_x, robot_y)
+    _total_acceleration(unpack(packed_state, CrowdState), walking)
 
 
 @cache
@@ -539,24 +551,25 @@ def _calls(is_stiff: bool) -> Calls:
         start_stay=address_of(start_stay, PACKED, INT, FLOAT, FLOAT, FLOAT, INT),
         update_partners=address_of(update_partners, PACKED),
         start_straight=address_of(start_straight, PACKED),
-        advance_tasks=address_of(advance_tasks, PACKED, INT, FLOATS),
+        advance_tasks=address_of(advance_tasks, PACKED, INT),
         choose_destination=address_of(choose_destination, PACKED, INT, INT),
         find_new_paths=address_of(find_new_paths, PACKED),
-        prepare=address_of(prepare, PACKED, INT, FLOATS, FLOATS2),
-        accelerate=address_of(accelerate, PACKED, FLOAT, FLOAT),
+        prepare=address_of(prepare, PACKED, INT, FLOATS2),
+        accelerate=address_of(accelerate, PACKED),
         refresh=address_of(refresh, PACKED, FLOATS2) if is_stiff else np.zeros(2, dtype=np.int64),
     )
 
 
 @subroutine
-def _total_acceleration(crowd: CrowdState, walking: Array, robot_x: float, robot_y: float) -> None:
-    """Add the repulsion from the robot to a model's accelerations, hold standing pedestrians, and limit speeds."""
+def _total_acceleration(crowd: CrowdState, walking: Array) -> None:
+    """Add the repulsion from robots to a model's accelerations, hold standing pedestrians, and limit speeds."""
     interval = crowd.law.interval
-    intentions, walkers = crowd.intentions, crowd.walkers
+    intentions, walkers, reactions = crowd.intentions, crowd.walkers, crowd.reactions
     for k in range(len(intentions.acceleration)):
         x, y, vx, vy = walkers.position[k, 0], walkers.position[k, 1], walkers.velocity[k, 0], walkers.velocity[k, 1]
         if walkers.walks[k]:
-            push_x, push_y = robot_repulsion(crowd.reactions, k, x, y, robot_x, robot_y)
+            robot = crowd.robots.state[reactions.robot[k]]
+            push_x, push_y = robot_repulsion(reactions, k, x, y, robot[X], robot[Y])
             ax, ay = walking[k, 0] + push_x, walking[k, 1] + push_y
         else:
             place = intentions.standing_position

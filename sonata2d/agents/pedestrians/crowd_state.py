@@ -10,6 +10,7 @@ from .models.base import Walkers
 from .orientation import GLANCES, Glances
 from .passages import Passages
 from .reactions import Reactions
+from .robots import Robots
 from .routes import Routes
 from .social.company import Company
 from .social.fixtures import Fixtures, Habits
@@ -26,7 +27,7 @@ class Intentions(NamedTuple):
 
     Attributes:
         preferred_speed: (N,), m/s; walking groups have the speed of their slowest member.
-        robot_in_sight: (N,) of bool.
+        robot_in_sight: (N,) of bool, whether the robot that a pedestrian heeds is in its sight.
         standing_position: (N, 2), m, to which standing pedestrians return if they are pushed.
         facing, gaze: (N, 2), unit vectors of the desired headings and gazes.
         walking_acceleration: (N, 2), m/s^2, by the pedestrian model.
@@ -93,10 +94,12 @@ class CrowdState(NamedTuple):
     """State of a crowd of N pedestrians.
 
     Attributes:
+        robots: of the scene; whoever calls `crowd.prepare` sets their state before.
         is_present: (N,) of bool.
         needed: (2,) of int, lengths of the lists of neighbours and walls that the last tick needed.
     """
 
+    robots: Robots
     obstacles: Obstacles
     routes: Routes
     journeys: Journeys

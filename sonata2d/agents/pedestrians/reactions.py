@@ -12,7 +12,8 @@ speed (`velocity_obstacle.evasive_velocity`) to keep their clearance from the ro
 - `scared`: walks away while the robot is near and approaches, for 6 s at most. Standing pedestrians step back, as far
   as there is room, and return.
 
-Delays are limited: pedestrians that are kept from their paths for `_PATIENCE` s accept less clearance.
+A pedestrian heeds one robot at a time, the nearest of those that it sees. Delays are limited: pedestrians that are kept
+from their paths for `_PATIENCE` s accept less clearance.
 
 Source: Vassallo et al., Gait & Posture 51 (2017) 97, for the clearance and for walkers passing behind a robot; the
 other rules are ours.
@@ -25,15 +26,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.barrier_grid import Solids, nearest_within
+from ...core.barrier_grid import Solids, is_crossed, nearest_within
 from ...core.compiled.kernel import subroutine
 from ...core.compiled.packing import Bools, Floats, Floats2, Ints, zeros
-from ...core.compiled.scalar import Vector, exp
+from ...core.compiled.scalar import Vector, exp, length
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.portable_math import Array
 from ...core.scene import Scene
-from ...core.separation import SEPARATION_SIZE, gap_to_line
+from ...core.separation import gap_to_line
 from .models.base import Walkers, fill_walls
+from .robots import Robots, core_of, corners_of
 from .velocity_obstacle import WALL_TIME, evasive_velocity, in_conflict, limited_by_walls
 
 _NOTICE_RANGE = 8.0  # m, clearance within which the robot has an effect
@@ -65,11 +67,10 @@ class Reactions(NamedTuple):
         weight: (N,), in [0, 1], how much the robot changes the motion; 0: not at all.
         is_alone: (N,) of bool, not in a group.
         clearance: (N,), m, preferred gap to the robot.
+        robot: (N,) of int, the robot that each pedestrian heeds: of those in sight, the nearest one.
         contact_distance: (N,), m, between the centres of pedestrian and robot at which a shoulder may touch the
             robot: half the breadth, whatever the heading, and the extent of the robot towards the pedestrian.
         size: (N,), m, half the breadth.
-        core: (K, 2), corners of the robot's outline in its frame, m; `corners` and `found` are scratch.
-        rounding: (1,), m, of the robot's outline.
         elapsed: (N,), s, time that the present reaction has lasted.
         is_exhausted: (N,) of bool, the reaction lasted its full duration and is recovering.
         delay: (N,), s, time for which a pedestrian was kept from its path.
@@ -86,12 +87,9 @@ class Reactions(NamedTuple):
     weight: Floats
     is_alone: Bools
     clearance: Floats
+    robot: Ints
     contact_distance: Floats
     size: Floats
-    core: Floats2
-    corners: Floats2
-    found: Floats
-    rounding: Floats
     elapsed: Floats
     is_exhausted: Bools
     delay: Floats
@@ -107,7 +105,7 @@ class Reactions(NamedTuple):
 def initial_reactions(scene: Scene) -> Reactions:
     """The reactions at the start of an episode."""
     humans = scene.humans
-    count, outline = len(humans), scene.robot.outline
+    count = len(humans)
     kind = np.array([KINDS[human.reaction] for human in humans], dtype=np.int64)
     clearance = np.array([human.robot_clearance for human in humans], dtype=float)
     return zeros(
@@ -117,34 +115,50 @@ def initial_reactions(scene: Scene) -> Reactions:
         weight=np.array([human.reacts_to_robot for human in humans], dtype=float),
         is_alone=np.array([human.group is None for human in humans], dtype=bool),
         clearance=np.where(kind == SCARED, clearance + _SCARED_CLEARANCE, clearance),
-        contact_distance=scene.human_table.circumradius + scene.robot.radius,
         size=scene.human_table.circumradius.copy(),
-        core=np.array(outline.core),
-        corners=np.array(outline.core),
-        found=np.zeros(SEPARATION_SIZE),
-        rounding=np.array([outline.rounding]),
         walls=np.zeros((len(scene.barriers), 3)),
     )
 
 
 @subroutine
-def notice_robot(reactions: Reactions, k: int, robot: Array, humans: Array, in_sight: bool, dt: float) -> bool:
+def choose_robot(reactions: Reactions, k: int, robots: Robots, view_blocks: Solids, x: float, y: float) -> bool:
+    """Choose the robot that pedestrian k at (x, y), m, heeds; whether it has it in sight.
+
+    Of several robots in sight it is the nearest one; if there is none, the one before.
+    """
+    if len(robots.state) == 1:
+        return not is_crossed(view_blocks, x, y, robots.state[0, X], robots.state[0, Y])
+    chosen, least = -1, math.inf
+    for r in range(len(robots.state)):
+        robot_x, robot_y = robots.state[r, X], robots.state[r, Y]
+        distance = length(robot_x - x, robot_y - y) - robots.radius[r]
+        if distance < least and not is_crossed(view_blocks, x, y, robot_x, robot_y):
+            chosen, least = r, distance
+    if chosen >= 0 and chosen != reactions.robot[k]:
+        reactions.robot[k], reactions.passing_side[k] = chosen, 0.0
+    return chosen >= 0
+
+
+@subroutine
+def notice_robot(reactions: Reactions, k: int, robots: Robots, humans: Array, in_sight: bool, dt: float) -> bool:
     """Observe the robot, and advance the reaction of pedestrian k by one tick; whether the robot has an effect on it.
 
     Args:
-        reactions: updated.
+        reactions: after `choose_robot`; updated.
         k: index of a pedestrian that is present.
-        robot, humans: columns of `core.state` and `core.humans`.
+        robots: of the scene.
+        humans: columns of `core.humans`.
         in_sight: whether the pedestrian has the robot in sight.
         dt: tick, s.
     """
+    r = reactions.robot[k]
+    robot, core = robots.state[r], core_of(robots, r)
     x, y = robot[X] - humans[k, X], robot[Y] - humans[k, Y]
     distance = max(math.sqrt(x * x + y * y), 1e-6)
-    if len(reactions.core) > 1:
+    reactions.contact_distance[k] = reactions.size[k] + robots.radius[r]
+    if len(core) > 1:
         pose, line = (robot[X], robot[Y], robot[BODY_X], robot[BODY_Y]), (humans[k, X], humans[k, Y])
-        gap = gap_to_line(
-            reactions.core, reactions.rounding[0], *pose, reactions.corners, reactions.found, (*line, *line, 0.0)
-        )
+        gap = gap_to_line(core, robots.rounding[r], *pose, corners_of(robots, r), robots.found, (*line, *line, 0.0))
         reactions.contact_distance[k] = reactions.size[k] + distance - gap
     reactions.gap[k] = distance - reactions.contact_distance[k]
     reactions.robot_direction[k, 0], reactions.robot_direction[k, 1] = x / distance, y / distance

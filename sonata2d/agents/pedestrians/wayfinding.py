@@ -23,6 +23,7 @@ from ...core.portable_math import Array, BoolArray, IntArray
 from ...core.scene import Scene
 from ...core.separation import place_corners
 from ...core.visibility import Graph
+from .robots import Robots, core_of, corners_of
 from .routes import Routes
 from .social.company import Company, is_in_the_way
 
@@ -32,7 +33,7 @@ _WALL_TOLERANCE = 0.05  # m, by which a body may overlap a wall before its path 
 _BRAKING_TIME = 0.5  # s, in which the velocity of a pedestrian that stops carries it to where it will stand
 _LARGEST_CIRCLE = 1.0  # m, from the centre of a conversation to its members, up to which others do not walk through it
 LONGEST_PATH = 512  # points of the longest path that is found
-_RESTS, _IS_OBSTACLE, _ROBOT_X, _ROBOT_Y, _COS, _SIN = range(6)  # items of `Obstacles.robot`
+_RESTS, _IS_OBSTACLE, _ROBOT_X, _ROBOT_Y, _COS, _SIN = range(6)  # columns of `Obstacles.standing_robots`
 _STANDING_SPEED, _STANDING_TIME = 0.05, 1.0  # m/s and s: a robot that is slower for so long counts as an obstacle
 
 
@@ -42,17 +43,15 @@ class Obstacles(NamedTuple):
     Attributes:
         solids: walls and furniture.
         view_blocks: walls that can block a view between two places in the room.
-        space: free space of paths: people who stand, the robot if it stands, and the spaces inside groups that talk
-            are added to walls and furniture.
+        space: free space of paths: people and robots that stand, and the spaces inside groups that talk are added to
+            walls and furniture.
         passable: free space of bodies: without the spaces inside groups, and wider by a tolerance; a path that leaves
             it is blocked.
         space_graph, tight_graph, passable_graph: visibility graphs.
         for_space, for_space_graph, ...: the same as kernels take it; `tight` is the space of bodies that pass sideways,
             and `places` also contains those between people who talk.
-        robot: (6,), ticks for which the robot has rested, whether it counts as an obstacle, and where it then is, m,
-            and its heading, cosine and sine.
-        robot_core: (K, 2), corners of its outline in its frame, m; `robot_corners` is scratch.
-        robot_rounding: of its outline, m.
+        standing_robots: (R, 6), for each robot the ticks for which it has rested, whether it counts as an obstacle, and
+            where it then is, m, and its heading, cosine and sine.
         side: to which pedestrians evade each other: 1 to the right, -1 to the left.
         dt: tick, s.
     """
@@ -71,10 +70,7 @@ class Obstacles(NamedTuple):
     for_passable: Ints
     for_passable_graph: Ints
     for_places: Ints
-    robot: Floats
-    robot_core: Floats2
-    robot_corners: Floats2
-    robot_rounding: float
+    standing_robots: Floats2
     side: float
     dt: float
 
@@ -122,8 +118,8 @@ class Spaces:
     """
 
     def __init__(self, scene: Scene, view_blocks: Solids) -> None:
-        humans, outline = scene.humans, scene.robot.outline
-        core = np.array(outline.core)
+        humans, robots = scene.humans, scene.robot_ids
+        sides = sum(len(robot.outline.core) for robot, _ in scene.tasks)
         may_walk = [h for h in humans if scene.social.is_lively or h.behaviour in ("wandering", "walking")]
         depth = max((human.radius for human in may_walk), default=PERSON_RADIUS)
         breadth = max((human.shape.circumradius for human in may_walk), default=PERSON_RADIUS)
@@ -131,7 +127,7 @@ class Spaces:
         widths = self.clearance, depth + _TIGHT_CLEARANCE, depth - _WALL_TOLERANCE
         plans = [floor_plan(scene.outline, scene.barriers, width) for width in widths]
         solids, count = solids_of(scene.barriers), len(humans)
-        bodies, around = changeable_solids(solids, count + len(core)), changeable_solids(solids, 3 * count + len(core))
+        bodies, around = changeable_solids(solids, count + sides), changeable_solids(solids, 3 * count + sides)
         holes, hole_count = np.zeros((2 * count + 1, 4)), np.zeros(1, dtype=np.int64)
         no_holes = np.zeros((0, 4)), np.zeros(1, dtype=np.int64)
         added = [(around, holes, hole_count), (around, holes, hole_count), (bodies, *no_holes), (bodies, *no_holes)]
@@ -148,8 +144,8 @@ class Spaces:
         for_space_graph, for_tight_graph, for_passable_graph = for_graphs
         self.obstacles = Obstacles(
             solids, view_blocks, spaces[0], spaces[2], graphs[0], graphs[1], graphs[2], for_space, for_space_graph,
-            for_tight, for_tight_graph, for_passable, for_passable_graph, for_places, np.zeros(6),
-            core, core.copy(), float(outline.rounding), float(scene.rules.side), float(scene.rules.dt),
+            for_tight, for_tight_graph, for_passable, for_passable_graph, for_places,
+            np.zeros((len(robots), 6)), float(scene.rules.side), float(scene.rules.dt),
         )  # fmt: skip
 
 
@@ -158,9 +154,18 @@ def _space(plan: FloorPlan, clearance: float, added: Solids, holes: Array, hole_
 
 
 @subroutine
-def watch_robot(obstacles: Obstacles, robot: Array) -> bool:
-    """Let paths lead round a robot that stands, as round a piece of furniture; whether this has changed."""
-    own = obstacles.robot
+def watch_robots(obstacles: Obstacles, robots: Robots) -> bool:
+    """Let paths lead round robots that stand, as round pieces of furniture; whether this has changed."""
+    is_changed = False
+    for r in range(len(robots.state)):
+        if _watch_robot(obstacles, r, robots.state[r]):
+            is_changed = True
+    return is_changed
+
+
+@subroutine
+def _watch_robot(obstacles: Obstacles, r: int, robot: Array) -> bool:
+    own = obstacles.standing_robots[r]
     is_moving = robot[2] * robot[2] + robot[3] * robot[3] > _STANDING_SPEED * _STANDING_SPEED
     own[_RESTS] = 0.0 if is_moving else own[_RESTS] + 1.0
     is_obstacle = own[_RESTS] * obstacles.dt >= _STANDING_TIME
@@ -172,9 +177,9 @@ def watch_robot(obstacles: Obstacles, robot: Array) -> bool:
 
 
 @subroutine
-def update_obstacles(obstacles: Obstacles, company: Company, is_present: BoolArray) -> None:
-    """Replace the added obstacles: people who stand, the robot, and the spaces inside groups that talk."""
-    bodies, around, own = obstacles.passable.added, obstacles.space.added, obstacles.robot
+def update_obstacles(obstacles: Obstacles, robots: Robots, company: Company, is_present: BoolArray) -> None:
+    """Replace the added obstacles: people and robots that stand, and the spaces inside groups that talk."""
+    bodies, around = obstacles.passable.added, obstacles.space.added
     place, count = company.standing_position, 0
     is_standing = np.zeros(len(is_present), dtype=np.bool_)
     for k in range(len(is_present)):
@@ -182,13 +187,15 @@ def update_obstacles(obstacles: Obstacles, company: Company, is_present: BoolArr
             is_standing[k] = True
             set_barrier(bodies.table, count, place[k, 0], place[k, 1], place[k, 0], place[k, 1], company.size[k])
             count += 1
-    if own[_IS_OBSTACLE] != 0.0:
-        corners, sides = obstacles.robot_corners, len(obstacles.robot_core)
-        place_corners(obstacles.robot_core, own[_ROBOT_X], own[_ROBOT_Y], own[_COS], own[_SIN], corners)
-        for side in range(sides):
-            end = (side + 1) % sides
+    for r in range(len(robots.state)):
+        own, corners = obstacles.standing_robots[r], corners_of(robots, r)
+        if own[_IS_OBSTACLE] == 0.0:
+            continue
+        place_corners(core_of(robots, r), own[_ROBOT_X], own[_ROBOT_Y], own[_COS], own[_SIN], corners)
+        for side in range(len(corners)):
+            end = (side + 1) % len(corners)
             ends = corners[side, 0], corners[side, 1], corners[end, 0], corners[end, 1]
-            set_barrier(bodies.table, count, *ends, obstacles.robot_rounding)
+            set_barrier(bodies.table, count, *ends, robots.rounding[r])
             count += 1
     bodies.used[0] = around.used[0] = count
     for k in range(count):

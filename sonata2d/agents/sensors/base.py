@@ -15,6 +15,7 @@ import numpy as np
 
 from ...core.arguments import finite_number, positive_number
 from ...core.devices import ImageRequest
+from ...core.entities import ROBOT_ID
 from ...core.floats import FloatFields
 from ...core.portable_math import Array
 from ...core.rng import RandomStream
@@ -35,6 +36,8 @@ class SensorNoise:
 
     def __init__(self, scene: Scene, sensor: str, tick: int) -> None:
         self._scene, self._name = scene, f"{sensor}/{tick}"
+        if scene.robot_id != ROBOT_ID:
+            self._name = f"{scene.robot_id}/{self._name}"
 
     @cached_property
     def _stream(self) -> RandomStream:  # many sensors need none, and its start costs more than a scan
@@ -284,7 +287,9 @@ class PartialSnapshot:
 
 def shown_to(controller: Any, snapshot: Snapshot) -> Any:
     """The snapshot as a controller gets it in `act`."""
-    return PartialSnapshot(snapshot) if controller.partial else snapshot
+    if controller.partial:
+        return PartialSnapshot(snapshot)
+    return snapshot.with_robots_as_people() if controller.robots_as_people else snapshot
 
 
 def known_to(controller: Any, scene: Scene) -> Scene:
@@ -293,8 +298,8 @@ def known_to(controller: Any, scene: Scene) -> Scene:
     Room, walls, furniture, people and settings are left out.
     """
     if not controller.partial:
-        return scene
+        return scene.with_robots_as_people if controller.robots_as_people else scene
     return replace(
         scene, polygon=(), walls=(), furniture=(), humans=(), groups=(), interactions=(), doors=(), queues=(),
-        places=(), settings=None, dropped=(),
+        places=(), settings=None, dropped=(), robots=(),
     )  # fmt: skip

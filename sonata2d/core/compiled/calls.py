@@ -19,7 +19,7 @@ from ..portable_math import IntArray
 from .kernel import IS_COMPILED
 
 PACKED, FLOATS, FLOATS2, INTS, INTS2, INT, FLOAT, FLAG, FLAGS = range(9)  # types of arguments
-_functions: list[Any] = []  # of the interpreter, by address
+_functions: list[Any] = [None]  # of the interpreter, by address; 0 is none
 
 
 class _Address(np.ndarray[Any, Any]):

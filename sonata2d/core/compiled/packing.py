@@ -14,6 +14,7 @@ from functools import cache
 from itertools import count
 from operator import index
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from weakref import WeakValueDictionary
 
 import cffi
 import numpy as np
@@ -39,6 +40,7 @@ _SCALARS: dict[Any, Any] = {float: np.float64, int: np.int64, bool: np.bool_}
 _FFI = cffi.FFI()  # twice as fast as `ndarray.ctypes`, and a world has some 300 arrays
 _ADDRESS = _FFI.typeof("uintptr_t")
 _FLOAT, _WORD = struct.Struct("=d"), struct.Struct("=q")
+_interpreted: WeakValueDictionary[int, Packed[Any]] = WeakValueDictionary()  # of the interpreter, by address
 
 
 class Packed(Generic[T]):
@@ -54,6 +56,14 @@ class Packed(Generic[T]):
 
     def __init__(self, value: T) -> None:
         self.value, self.argument = value, pack(value)
+
+    @property
+    def address(self) -> int:
+        """For `packed_at`, while this object lives."""
+        if IS_COMPILED:
+            return int(self.argument.ctypes.data)
+        _interpreted[id(self)] = self
+        return id(self)
 
     def __reduce__(self) -> tuple[type[Packed[T]], tuple[T]]:
         return Packed, (self.value,)
@@ -390,8 +400,8 @@ if IS_COMPILED:
 else:
 
     def packed_at(address: int) -> Any:
-        """Arguments have no addresses in the interpreter."""
-        raise NotImplementedError
+        """The packed argument with an address."""
+        return _interpreted[int(address)].argument
 
     def unpack(packed: T, kind: type[T]) -> T:
         """The named tuple that `pack` stands for, inside a kernel.

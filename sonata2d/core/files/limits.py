@@ -20,6 +20,7 @@ MAX_ARCHIVE_WITHOUT_RATIO = 1 << 26  # of `.npz` files, whose arrays take less m
 
 MAX_DEPTH = 200  # of the values in episodes that may have any structure, such as labels
 MAX_COUNT = 10_000  # of one kind of entity in a scenario
+MAX_ROBOTS = 256  # of a scene; each keeps a list of all that can come near
 MAX_SCENARIO_DEPTH = 32
 MAX_SCENARIO_KEYS = 1000  # of one mapping
 MAX_NAME = 255  # characters of the name of a scenario

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import accumulate
+from itertools import accumulate, combinations
 
 import numpy as np
 
@@ -71,6 +71,28 @@ def overlaps(record: EpisodeRecord, left_out: BoolArray, maximum: float) -> Iter
     for k, n in np.argwhere(number > 0).tolist():
         ticks = f" (the worst of {number[k, n]} ticks)" if number[k, n] > 1 else ""
         yield int(tick[k, n]), sections[n], names[k], f"{worst[k, n]:.3f} m too deep in {things[n]}{ticks}"
+
+
+def overlaps_of_robots(record: EpisodeRecord, maximum: float) -> Iterator[tuple[int, str]]:
+    """Robots whose outlines overlap by more than a maximum, m: of each pair the worst tick, and the depth in words."""
+    scene, found = record.scene(), np.empty(SEPARATION_SIZE)
+    rows = [record.states.robot, *record.states.robots.swapaxes(0, 1)]
+    for (a, (robot, _)), (b, (other, _)) in combinations(enumerate(scene.tasks), 2):
+        core, corners = np.array(robot.outline.core), np.array(robot.outline.core)
+        other_core, other_corners = np.array(other.outline.core), np.array(other.outline.core)
+        radii, worst = robot.outline.rounding + other.outline.rounding, (0.0, 0)
+        offset = np.hypot(*(rows[a] - rows[b])[:, :2].T)
+        for t in np.flatnonzero(offset < robot.radius + other.radius).tolist():
+            headings = unit_vectors(np.array([rows[a][t, THETA], rows[b][t, THETA]]))
+            (x, y), (u, v), (c, s), (d, e) = rows[a][t, :2], rows[b][t, :2], headings[0], headings[1]
+            place_corners(core, x, y, c, s, corners)
+            place_corners(other_core, u, v, d, e, other_corners)
+            for start, end in zip(other_corners, np.roll(other_corners, -1, axis=0), strict=True):
+                separate(corners, start[0], start[1], end[0], end[1], found)
+                worst = max(worst, (radii - float(found[DISTANCE]), t))
+        if worst[0] > maximum:
+            ids = scene.robot_ids
+            yield worst[1], f"robot {ids[a]} is {worst[0]:.3f} m too deep in robot {ids[b]}"
 
 
 @kernel

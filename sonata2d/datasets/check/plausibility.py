@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from ...record.layout import HUMAN_ANGLES, ROBOT_ANGLES
 from ...record.motion import THETA, VX, VY, X, Y
 from ...record.record import EpisodeRecord
 from ...sim.kernel.rules import maximum_speeds, walking_speeds
-from .overlaps import overlaps
+from .overlaps import overlaps, overlaps_of_robots
 
 MAXIMUM_OVERLAP = 0.06  # m, of outlines: the physics detects a contact only after the bodies have moved
 ROUNDING = 2e-4  # m, m/s, rad/s: tolerance for numbers rounded to 1e-4
@@ -29,6 +30,7 @@ _ROBOT_SPEED_TOLERANCE = 0.05  # m/s above the robot's limits
 _MOTION_TOLERANCE = 0.5
 _MOVED_APART = 0.05  # m, by which bodies that overlap are moved apart in a tick, whatever their velocities
 _PUSH_RANGE = 0.1  # m, clearance to a recorded pedestrian within which a push in the last tick is possible
+_ROBOT_OVERLAP = 1e-3  # m, of the outlines of two robots: poses are rounded
 _TURN_TOLERANCE = 0.05  # rad, between the rotation in a tick and the executed turn rate times dt
 _SUDDEN_SPEED, _SUDDEN_TURN = 1.0, 1.0  # m/s and rad, changes in a tick beyond which two velocities say little of it
 
@@ -38,33 +40,43 @@ Finding = tuple[str, str]  # place, message
 def implausible_values(record: EpisodeRecord) -> Iterator[Finding]:
     """Everything implausible in an episode, as place and message."""
     pushed = _may_be_pushed(record)
-    yield from _check_rounding(record)
+    yield from _check_rounding(record, "humans", record.states.humans, HUMAN_ANGLES)
     yield from _check_groups(record.scene())
     yield from _check_time(record)
-    yield from _check_speeds(record, pushed)
-    yield from _check_motion(record, pushed)
-    yield from _check_robot(record)
-    yield from _check_room(record)
+    yield from _check_people(record, pushed)
+    yield from _check_room_of_people(record)
     yield from _check_overlaps(record, pushed)
     yield from _check_presence(record)
     yield from _check_outcome(record)
+    yield from _robot_values(record, pushed)
+    for robot_id in record.robot_ids[1:]:
+        view = record.seen_by(robot_id)
+        pushed = _may_be_pushed(view)
+        of_robot = (each for each in _check_overlaps(view, pushed) if "the robot" in each[1])
+        for place, message in chain(_robot_values(view, pushed), of_robot):
+            yield place, message.replace("the robot", f"robot {robot_id}")
+    yield from _check_overlaps_of_robots(record)
 
 
-def _check_rounding(record: EpisodeRecord) -> Iterator[Finding]:
+def _robot_values(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
+    """Everything implausible of the robot alone."""
+    yield from _check_rounding(record, "robot", record.states.robot, ROBOT_ANGLES)
+    yield from _check_rounding(record, "command", record.command, [])
+    yield from _check_rounding(record, "executed", record.executed, [])
+    yield from _check_speed(record)
+    yield from _check_motion(record, pushed)
+    yield from _check_robot(record)
+    yield from _check_room(record)
+    yield from _check_arrival(record)
+
+
+def _check_rounding(record: EpisodeRecord, key: str, rows: Array, angles: list[int]) -> Iterator[Finding]:
     """Numbers must be in the canonical form of files, to the bit."""
-    states = record.states
-    rows_of: tuple[tuple[str, Array, list[int]], ...] = (
-        ("robot", states.robot, ROBOT_ANGLES),
-        ("humans", states.humans, HUMAN_ANGLES),
-        ("command", record.command, []),
-        ("executed", record.executed, []),
-    )
-    for key, rows, angles in rows_of:
-        values = np.nan_to_num(rows)
-        wrong = (rounded_rows(values, angles).view(np.int64) != values.view(np.int64)).any(axis=-1)
-        wrong |= (values[..., angles] > 3.1416).any(axis=-1)
-        for t in np.flatnonzero(wrong.reshape(len(values), -1).any(axis=1))[:1]:
-            yield f"frames.{t}.{key}", "a number is not rounded to 0.0001 or is -0.0, or an angle is out of range"
+    values = np.nan_to_num(rows)
+    wrong = (rounded_rows(values, angles).view(np.int64) != values.view(np.int64)).any(axis=-1)
+    wrong |= (values[..., angles] > 3.1416).any(axis=-1)
+    for t in np.flatnonzero(wrong.reshape(len(values), -1).any(axis=1))[:1]:
+        yield f"frames.{t}.{key}", "a number is not rounded to 0.0001 or is -0.0, or an angle is out of range"
 
 
 def _check_groups(scene: Scene) -> Iterator[Finding]:
@@ -86,17 +98,14 @@ def _check_time(record: EpisodeRecord) -> Iterator[Finding]:
         yield f"frames.{t}", f"time should be {ticks[t] * dt:.4f} s, is {time[t]} s"
 
 
-def _check_speeds(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
-    """Speeds must stay within the limits of the robot and the pedestrians."""
+def _check_speed(record: EpisodeRecord) -> Iterator[Finding]:
+    """Speed and turn rate must stay within the limits of the robot."""
     scene = record.scene()
     limits, maximum_speed = scene.robot.limits, scene.robot.top_speed + _ROBOT_SPEED_TOLERANCE
     executed = np.hypot(record.executed[:, 0], record.executed[:, 1])
     yield from _worst_tick(executed - maximum_speed, "executed", "the robot's drive", "m/s faster than its limits")
     turning = np.abs(record.executed[:, 2]) - limits.turn - ROUNDING
     yield from _worst_tick(turning, "executed", "the robot's drive", "rad/s of turning beyond its limits")
-    speed = np.hypot(record.states.humans[..., VX], record.states.humans[..., VY])
-    speed[pushed[:, :-1]] = 0.0
-    yield from _worst_tick_of_humans(speed - maximum_speeds(scene) - ROUNDING, scene, "m/s faster than possible")
 
 
 def _maximum_overlap(scene: Scene) -> float:
@@ -111,21 +120,37 @@ def _maximum_overlap(scene: Scene) -> float:
     overlap = max(MAXIMUM_OVERLAP, 2.0 * (speed + BODY_TURN * shoulder) * substep)
     if rules.guard:
         return overlap
-    return overlap + 2.0 * scene.robot.top_speed * substep + min(BODY_TURN * rules.dt, 1.0) * shoulder
+    fastest = max(robot.top_speed for robot, _ in scene.tasks)
+    return overlap + 2.0 * fastest * substep + min(BODY_TURN * rules.dt, 1.0) * shoulder
 
 
-def _check_motion(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
-    """Velocities must match the changes of the poses."""
-    scene, states = record.scene(), record.states
-    dt, limits, overlap = scene.rules.dt, scene.robot.limits, _maximum_overlap(scene)
-    humans, robot = _unexplained_speed(states.humans, dt), _unexplained_speed(states.robot, dt)
-    exempt = pushed[1:] | pushed[:-1]
-    humans[exempt[:, :-1]] = robot[exempt[:, -1]] = 0.0
+def _motion_tolerance(scene: Scene) -> float:
+    """Tolerance of `_unexplained_speed`, m/s."""
+    dt, overlap = scene.rules.dt, _maximum_overlap(scene)
     tolerance = max(_MOTION_TOLERANCE, _MOVED_APART / dt)
     if overlap > MAXIMUM_OVERLAP:
         tolerance += 2.0 * overlap / dt  # bodies that overlap are also moved apart
-    excess = humans - maximum_speeds(scene) / 2 - tolerance
+    return tolerance
+
+
+def _check_people(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
+    """Speeds of pedestrians must be possible, and match the changes of their poses."""
+    scene, humans = record.scene(), record.states.humans
+    speed = np.hypot(humans[..., VX], humans[..., VY])
+    speed[pushed[:, :-1]] = 0.0
+    yield from _worst_tick_of_humans(speed - maximum_speeds(scene) - ROUNDING, scene, "m/s faster than possible")
+    unexplained = _unexplained_speed(humans, scene.rules.dt)
+    unexplained[(pushed[1:] | pushed[:-1])[:, :-1]] = 0.0
+    excess = unexplained - maximum_speeds(scene) / 2 - _motion_tolerance(scene)
     yield from _worst_tick_of_humans(excess, scene, "m/s of motion beyond what the velocities explain")
+
+
+def _check_motion(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
+    """Velocities of the robot must match the changes of its pose."""
+    scene, states = record.scene(), record.states
+    dt, limits, tolerance = scene.rules.dt, scene.robot.limits, _motion_tolerance(scene)
+    robot = _unexplained_speed(states.robot, dt)
+    robot[(pushed[1:] | pushed[:-1])[:, -1]] = 0.0
     limit = math.hypot(max(limits.ahead, limits.back), limits.sideways) / 2 + tolerance
     robot = robot - np.where(_is_sudden(record), max(limit, 2.0 * scene.robot.top_speed), limit)
     yield from _worst_tick(robot, "robot", "the robot", "m/s of motion beyond what the velocities explain")
@@ -198,22 +223,33 @@ def _unexplained_speed(rows: Array, dt: float) -> Array:
     return np.hypot(difference[..., 0], difference[..., 1])
 
 
-def _check_room(record: EpisodeRecord) -> Iterator[Finding]:
-    """All centres must be inside the room."""
-    scene, positions = record.scene(), _positions(record)
+def _check_room_of_people(record: EpisodeRecord) -> Iterator[Finding]:
+    """All pedestrians must be inside the room."""
+    scene, positions = record.scene(), record.states.humans[..., X : Y + 1]
     inside = inside_polygon(np.nan_to_num(positions).reshape(-1, 2), scene.outline).reshape(positions.shape[:2])
-    outside = np.argwhere(~inside[:, :-1] & record.states.present)
+    outside = np.argwhere(~inside & record.states.present)
     if len(outside):
         t, k = outside[0]
         yield f"frames.{t}", f"human {scene.humans[k].id} is outside the room ({len(outside)} cases in total)"
-    if not inside[:, -1].all():
-        yield f"frames.{int(np.argmin(inside[:, -1]))}", "the robot is outside the room"
+
+
+def _check_room(record: EpisodeRecord) -> Iterator[Finding]:
+    """The robot must be inside the room."""
+    inside = inside_polygon(record.states.robot[:, X : Y + 1], record.scene().outline)
+    if not inside.all():
+        yield f"frames.{int(np.argmin(inside))}", "the robot is outside the room"
 
 
 def _check_overlaps(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
     """Outlines must not overlap by more than `_maximum_overlap`."""
     for tick, section, name, depth in overlaps(record, pushed, _maximum_overlap(record.scene())):
         yield f"frames.{tick}.{section}", f"{name} is {depth}"
+
+
+def _check_overlaps_of_robots(record: EpisodeRecord) -> Iterator[Finding]:
+    """Outlines of robots must not overlap but by rounding."""
+    for tick, message in overlaps_of_robots(record, _ROBOT_OVERLAP):
+        yield f"frames.{tick}.robots", message
 
 
 def _check_presence(record: EpisodeRecord) -> Iterator[Finding]:
@@ -256,21 +292,40 @@ def _positions(record: EpisodeRecord) -> Array:
 def _check_outcome(record: EpisodeRecord) -> Iterator[Finding]:
     """The outcome must match the final state, and no earlier state may have ended the episode."""
     scene, states, outcome = record.scene(), record.states, record.outcome
+    final = record.document["final"]
     if outcome.tick != len(record) or abs(outcome.time - states.time[-1]) > ROUNDING:
         yield "outcome", f"is of tick {outcome.tick} at {outcome.time} s, but there are {len(record)} frames"
-    goal, robot = scene.goal, states.robot
+    if outcome.status == "timeout" and outcome.tick < scene.rules.last_tick:
+        yield "outcome", f"says the time limit was reached at {outcome.time} s; the limit is {scene.rules.time_limit} s"
+    contacts = [final["contacts"], *(other["contacts"] for other in final.get("robots") or ())]
+    if outcome.status == "contact" and not any(contacts):
+        yield "outcome", "says a contact ended the episode, but the final state has none"
+    has_all = None not in outcome.arrivals
+    if scene.robots and (outcome.status == "goal") != has_all and "goal" in scene.rules.ends_on:
+        yield "outcome", f"is {outcome.status}, but the robots arrived at ticks {list(outcome.arrivals)}"
+
+
+def _check_arrival(record: EpisodeRecord) -> Iterator[Finding]:
+    """The robot must be at its goal when the file says so, and not before; of several, it stands from then on."""
+    scene, outcome = record.scene(), record.outcome
+    goal, robot = scene.goal, record.states.robot
     missing = np.hypot(robot[:, X] - goal.x, robot[:, Y] - goal.y) - goal.distance  # m, and rad: 0 or less at the goal
     if goal.angle < 3.14:
         turned = np.array([abs(wrap_angle(theta - goal.theta)) for theta in robot[:, THETA].tolist()])
         missing = np.maximum(missing, turned - goal.angle)
+    if scene.robots:
+        arrival = outcome.arrivals[0]
+        if arrival is not None and missing[arrival] > ROUNDING:
+            yield "outcome", f"says the robot arrived at tick {arrival}; {missing[arrival]:.3f} m or rad were missing"
+        if (missing[:arrival] < -ROUNDING).any():
+            yield "outcome", f"the robot arrived at tick {int(np.argmax(missing < -ROUNDING))}, not at {arrival}"
+        if arrival is not None and record.command[arrival:].any():
+            yield "outcome", f"the robot arrived at tick {arrival}, but has other commands than 0 after it"
+        return
     if outcome.status == "goal" and missing[-1] > ROUNDING:
         yield "outcome", f"says the goal was reached, but {missing[-1]:.3f} m or rad were missing"
     if "goal" in scene.rules.ends_on and (missing[:-1] < -ROUNDING).any():
         yield "outcome", f"the goal was reached at tick {int(np.argmax(missing < -ROUNDING))}, but the episode went on"
-    if outcome.status == "timeout" and outcome.tick < scene.rules.last_tick:
-        yield "outcome", f"says the time limit was reached at {outcome.time} s; the limit is {scene.rules.time_limit} s"
-    if outcome.status == "contact" and not record.document["final"]["contacts"]:
-        yield "outcome", "says a contact ended the episode, but the final state has none"
 
 
 def _worst_tick(excess: Array, place: str, subject: str, description: str) -> Iterator[Finding]:

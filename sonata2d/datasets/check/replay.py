@@ -14,7 +14,7 @@ from ...agents.controllers.loading import inner_of, is_installed, load_controlle
 from ...core.devices import DeviceEvent
 from ...core.files import interruption
 from ...core.geometry import Twist
-from ...core.snapshot import Observer, Snapshot
+from ...core.snapshot import ControllerInfo, Observer, Snapshot
 from ...errors import ConfigError, ControllerError, RecordError, SceneError
 from ...record.canonical import serialise
 from ...record.files import read_bytes
@@ -24,7 +24,8 @@ from ...record.recorder import EpisodeRecorder
 from ...registry import CONTROLLERS
 from ...scenegen.generator import generate
 from ...scenegen.scenario.config import ScenarioConfig
-from ...sim.episode import Episode, controller_info_of, renderer_for
+from ...sim.driver import controller_info_of, renderer_for
+from ...sim.episode import Episode
 from ...sim.inputs import TickInput
 from ...version import PHYSICS_VERSION
 from ..transforms.mirror import mirrored
@@ -33,6 +34,8 @@ from .episodes import Problem
 
 class _RecordedCommandsOnly(Controller):
     """Controller of a replay; it is asked only if the recorded commands end before the episode does."""
+
+    drives_several = True
 
     def act(self, snapshot: Snapshot) -> Twist:
         raise ControllerError("the recorded commands end before the episode does")
@@ -44,11 +47,12 @@ def branch(path: str | Path, tick: int, controller: Controller, *, observers: It
     Args:
         path: an episode file.
         tick: number of recorded ticks to keep.
-        controller: drives the robot afterwards.
+        controller: drives the robot afterwards; other robots are driven by their recorded controllers.
         observers: receive the frames of the branch from tick 0.
 
     Raises:
         RecordError: the file cannot be read, is of another physics version, or is a mirror image, which cannot be run.
+        ControllerError: a recorded controller of another robot cannot be loaded.
         ValueError: the recording has fewer ticks.
     """
     record = read_episode(path)
@@ -60,8 +64,24 @@ def branch(path: str | Path, tick: int, controller: Controller, *, observers: It
     past = _recorded_inputs(record)
     if not 0 <= tick <= len(past):
         raise ValueError(f"tick must be 0..{len(past)}, the ticks in {path}, got {tick}")
-    renderer = renderer_for(controller)
-    return Episode(record.scene(), controller, observers=observers, past=past[:tick], renderer=renderer).replay_past()
+    renderer, others = renderer_for(controller), _other_controllers(record)
+    return Episode(
+        record.scene(), controller, others=others, observers=observers, past=past[:tick], renderer=renderer
+    ).replay_past()
+
+
+def _other_controllers(record: EpisodeRecord) -> list[Controller]:
+    """The recorded controllers of the other robots.
+
+    Raises:
+        ControllerError: one cannot be loaded, or one object drove several of them.
+    """
+    infos = record.controller_info.others
+    controllers = [load_controller(info.path, info.settings) for info in infos]
+    for controller, info in zip(controllers, infos, strict=True):
+        if controller.drives_several:
+            raise ControllerError(f"{info.path} may have driven several robots, which the file does not say")
+    return controllers
 
 
 def _other_physics(record: EpisodeRecord) -> str:
@@ -76,7 +96,12 @@ def _recorded_inputs(record: EpisodeRecord) -> list[TickInput]:
     """Command, label and device events of each recorded tick."""
     commands, frames = record.command.tolist(), record.document["frames"]
     return [
-        TickInput(Twist(*command), frame.get("label"), events_of(frame))
+        TickInput(
+            Twist(*command),
+            frame.get("label"),
+            events_of(frame),
+            tuple((Twist(*other["command"]), other.get("label")) for other in frame.get("robots") or ()),
+        )
         for command, frame in zip(commands, frames, strict=True)
     ]
 
@@ -91,10 +116,16 @@ def _replayed_document(record: EpisodeRecord) -> bytes:
     Raises:
         ControllerError: the recorded commands end before the episode does.
     """
-    recorder, outcome = _recorder_like(record), record.outcome
-    episode = Episode(
+    recorder, outcome, scene, controller = (
+        _recorder_like(record),
+        record.outcome,
         record.scene(),
         _RecordedCommandsOnly(),
+    )
+    episode = Episode(
+        scene,
+        controller,
+        others=[controller] * len(scene.robots),
         observers=[recorder],
         past=_recorded_inputs(record),
         controller_info=record.controller_info,
@@ -107,17 +138,19 @@ def _replayed_document(record: EpisodeRecord) -> bytes:
     return recorder.document()
 
 
-def _rerun_document(record: EpisodeRecord, controller: Controller) -> bytes:
-    """The episode document that results when the controller runs again with the recorded device events."""
+def _rerun_document(record: EpisodeRecord, controller: Controller, others: list[Controller]) -> bytes:
+    """The episode document that results when the controllers run again with the recorded device events."""
     recorder = _recorder_like(record)
     branched, inputs = record.document["branched_from"], _recorded_inputs(record)
     past = inputs[: branched["tick"]] if branched else []  # another controller drove before the branch
+    info = controller_info_of(controller, record.controller_info.path)
     episode = Episode(
         record.scene(),
         controller,
+        others=others,
         observers=[recorder],
         past=past,
-        controller_info=controller_info_of(controller, record.controller_info.path),
+        controller_info=replace(info, others=record.controller_info.others),
         renderer=renderer_for(controller),
     )
     try:
@@ -171,8 +204,26 @@ def check_rerun(stored: EpisodeRecord, name: str | None = None) -> list[Problem]
     if record is not stored and stored.document["mirrored_from"]["labels"]:
         message = "its labels were mirrored by an unknown function; mirror it back (--labels twist) and check that"
         return [Problem(path.name, "rerun", message)]
+    infos = [record.controller_info, *record.controller_info.others]
+    for info in infos if name is None else infos[1:]:
+        if problem := _not_installed(info):
+            return [Problem(path.name, "rerun", problem)]
     recorded, settings = record.controller_info.path, record.controller_info.settings or {}
-    if name is None and not is_installed(recorded, settings):
+    controller = load_controller(name or recorded, settings)
+    try:
+        others = _other_controllers(record)
+    except ControllerError as error:
+        return [Problem(path.name, "rerun", str(error))]
+    if not all(each.deterministic for each in (controller, *others)):
+        return []
+    document = _document_of(stored, record)  # before the controller can change the working folder
+    return _first_difference(path.name, "rerun", document, _rerun_document(record, controller, others))
+
+
+def _not_installed(info: ControllerInfo) -> str:
+    """Why a controller cannot be run again without running code that only the file names; empty if it can."""
+    recorded, settings = info.path, info.settings or {}
+    if not is_installed(recorded, settings):
         # only a plug-in has a name without a path: the name of a stock controller with own weights contains their path
         is_plugin = recorded not in CONTROLLERS.built_in and not any(letter in recorded for letter in ":./+")
         remedy = (
@@ -182,12 +233,8 @@ def check_rerun(stored: EpisodeRecord, name: str | None = None) -> list[Problem]
         )
         inner = inner_of(settings)
         which = f"the controller {recorded!r}{f' around {inner[0]!r}' if inner else ''}"
-        message = f"{which} is neither built in nor a plug-in{remedy}"
-        return [Problem(path.name, "rerun", message)]
-    controller = load_controller(name or recorded, settings)
-    if not controller.deterministic:
-        return []
-    return _first_difference(path.name, "rerun", _document_of(stored, record), _rerun_document(record, controller))
+        return f"{which} is neither built in nor a plug-in{remedy}"
+    return ""
 
 
 def _original(record: EpisodeRecord) -> tuple[EpisodeRecord, list[Problem]]:

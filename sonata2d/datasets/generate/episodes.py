@@ -24,7 +24,8 @@ from ...record.layout import JsonDict
 from ...record.recorder import EpisodeRecorder
 from ...scenegen.generator import generate
 from ...scenegen.scenario.config import ScenarioConfig
-from ...sim.episode import Episode, renderer_for
+from ...sim.driver import renderer_for
+from ...sim.episode import Episode
 from ..manifest.names import FAILED
 from ..manifest.write import file_row
 from ..workers.processes import end_if_forked

@@ -29,7 +29,7 @@ from ...record.layout import JsonDict
 from ...registry import registered_hashes
 from ...scenegen.scenario.config import ScenarioConfig
 from ...scenegen.scenario.load import scenario_of
-from ...sim.episode import controller_info_of
+from ...sim.driver import controller_info_of
 from ..card.write import write_manifest_and_card
 from ..dataset import Dataset
 from ..manifest.names import FAILED, MANIFEST, SCENARIO

@@ -25,8 +25,8 @@ from ...record.canonical import serialise, to_json_value
 from ...record.files import compress, file_stem, file_suffix, read_stored, write_atomically
 from ...record.layout import JsonDict
 from ...record.motion import HEAD, OMEGA, THETA, VY, Y
-from ...record.reader import read_episode, record_from_document
-from ...record.record import EpisodeRecord
+from ...record.reader import read_episode
+from ...record.record import EpisodeRecord, record_from_document
 from ..card.write import licence_of, write_manifest_and_card
 from ..manifest.names import SCENARIO
 from ..manifest.read import read_document
@@ -266,9 +266,8 @@ def _document_image(document: JsonDict, label: LabelImage | None) -> JsonDict:
         "queues": lambda queues: [_pose_image(queue) for queue in queues],
         "places": lambda places: [place | {"y": flipped(place["y"])} for place in places],
         "humans": lambda humans: [_human_image(human) for human in humans],
-        "robot": lambda robot: _shape_image(_pose_image(robot)),
-        "goal": _pose_image,
-        "controller": _controller_image,
+        **_IMAGES_OF_ROBOT,
+        "robots": lambda robots: [_robot_image(other) for other in robots],
         "frames": lambda frames: [_frame_image(frame, label) for frame in frames],
         "final": lambda frame: _frame_image(frame, label),
     }
@@ -381,10 +380,28 @@ def _controller_image(controller: JsonDict | None) -> JsonDict | None:
     return controller | {"settings": controller["settings"] | {"hands": image}}
 
 
+# of the keys of each robot
+_IMAGES_OF_ROBOT: dict[str, Callable[[Any], Any]] = {
+    "robot": lambda robot: _shape_image(_pose_image(robot)),
+    "goal": _pose_image,
+    "controller": _controller_image,
+}
+
+
+def _robot_image(other: JsonDict) -> JsonDict:
+    return {key: _IMAGES_OF_ROBOT.get(key, lambda value: value)(value) for key, value in other.items()}
+
+
 def _frame_image(frame: JsonDict, label: LabelImage | None) -> JsonDict:
-    """The image of a frame or of the final state; the final state of an imported run may have a command."""
-    humans = [None if row is None else _row_image(row, _HUMAN_SIGNS) for row in frame["humans"]]
-    image = frame | {"robot": _row_image(frame["robot"], _ROBOT_SIGNS), "humans": humans}
+    """The image of a frame, of the final state, or of another robot in them.
+
+    The final state of an imported run may have a command.
+    """
+    image = frame | {"robot": _row_image(frame["robot"], _ROBOT_SIGNS)}
+    if "humans" in frame:
+        image["humans"] = [None if row is None else _row_image(row, _HUMAN_SIGNS) for row in frame["humans"]]
+    if "robots" in frame:
+        image["robots"] = [_frame_image(other, label) for other in frame["robots"]]
     for key in ("command", "executed"):
         if key in frame:
             image[key] = _row_image(frame[key], _TWIST_SIGNS)

@@ -8,11 +8,19 @@ from collections.abc import Collection
 from inspect import Parameter, Signature, signature
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, ConfigDict, Field, PositiveInt, model_validator
+from pydantic import (
+    AfterValidator,
+    ConfigDict,
+    Field,
+    PositiveInt,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from ...core.bounds import Fraction, Positive
 from ...core.entities import Robot
-from ...core.files.limits import MAX_COUNT, MAX_NAME
+from ...core.files.limits import MAX_COUNT, MAX_NAME, MAX_ROBOTS
 from ...core.furniture_types import BUILT_IN
 from ...core.geometry import Pose
 from ...core.humans import MAXIMUM_SPEED_RATIO, RESPONSE_TIME
@@ -30,6 +38,7 @@ from .sections import (
     GoalConfig,
     GroupConfig,
     LabelSection,
+    OtherRobotConfig,
     PersonConfig,
     PlaceConfig,
     QueueConfig,
@@ -83,6 +92,8 @@ class ScenarioConfig(Settings):
             pedestrian stands at the object's access side (-y) and faces it.
         pair_spacing: m, between the members of a walking pair, side by side.
         groups, person, robot, goal, rules, social: the sections of these names; label: the section `LabelSpec`.
+        robots: the other robots, see the section `OtherRobotConfig`; or the number of robots in all, if the others have
+            the settings of `robot` and `goal` too.
         clearance: minimum gap between outlines at the start, m.
         max_attempts: number of poses tried for each item; `max_layouts`: number of complete layouts tried with the same
             pedestrians and furniture.
@@ -134,6 +145,7 @@ class ScenarioConfig(Settings):
     person: PersonConfig = PersonConfig()
     robot: RobotConfig = RobotConfig()
     goal: GoalConfig = GoalConfig()
+    robots: Entities[OtherRobotConfig] = ()
     rules: RulesSection = Rules()
     social: SocialSection = PAUSING
     label: LabelSection = LabelSpec()
@@ -142,6 +154,19 @@ class ScenarioConfig(Settings):
     max_layouts: PositiveInt = 50
     drop: bool = False
     flip: Fraction = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _list_robots(cls, values: Any) -> Any:
+        """List the other robots if their number is given."""
+        count = values.get("robots") if isinstance(values, dict) else None
+        if not isinstance(count, int) or isinstance(count, bool):
+            return values
+        if not 1 <= count <= MAX_ROBOTS:
+            raise setting_error(f"a scene has 1 to {MAX_ROBOTS} robots, got {count}", "robots")
+        robot, goal = (_without_place(values.get(key)) for key in ("robot", "goal"))
+        others = [{**robot, "goal": goal, "count": count - 1}] if count > 1 else []
+        return values | {"robots": others}
 
     @model_validator(mode="before")
     @classmethod
@@ -197,17 +222,25 @@ class ScenarioConfig(Settings):
         return self
 
     @model_validator(mode="after")
-    def _check_start_and_goal(self) -> Self:
-        if self.robot.pose is not None and self.goal.position is not None:
-            dx, dy = (a - b for a, b in zip(self.robot.pose, self.goal.position, strict=False))
-            if dx * dx + dy * dy <= self.goal.distance * self.goal.distance:
-                raise setting_error("the robot would start on its goal", "goal", "position")
+    def _check_robots(self) -> Self:
+        if (count := 1 + sum(other.count for other in self.robots)) > MAX_ROBOTS:
+            raise setting_error(f"a scene has at most {MAX_ROBOTS} robots, got {count}", "robots")
+        self._check_task(self.robot, self.goal, ())
+        for k, other in enumerate(self.robots):
+            self._check_task(other, other.goal, ("robots", k))
         return self
 
-    @model_validator(mode="after")
-    def _check_unguarded_speed(self) -> Self:
-        rules, drive = self.rules, self.robot
-        pose = Pose(0.0, 0.0, 0.0)
+    def _check_task(self, robot: RobotConfig, goal: GoalConfig, place: tuple[str | int, ...]) -> None:
+        """Check a robot and its goal; `place` is that of the settings of another robot."""
+        if robot.pose is not None and goal.position is not None:
+            dx, dy = (a - b for a, b in zip(robot.pose, goal.position, strict=False))
+            if dx * dx + dy * dy <= goal.distance * goal.distance:
+                raise setting_error("the robot would start on its goal", *place, "goal", "position")
+        self._check_unguarded_speed(robot)
+        self._check_turn(robot)
+
+    def _check_unguarded_speed(self, drive: RobotConfig) -> None:
+        rules, pose = self.rules, Pose(0.0, 0.0, 0.0)
         speed = Robot(pose, kinematics=drive.kinematics, limits=drive.limits, drive=drive.drive).top_speed
         step = speed * rules.dt / rules.substeps
         if not rules.guard and (speed > _UNGUARDED_SPEED or step > _UNGUARDED_STEP):
@@ -217,11 +250,9 @@ class ScenarioConfig(Settings):
                 "physics step: lower robot.limits, or raise rules.substeps"
             )
             raise setting_error(message, "rules", "guard")
-        return self
 
-    @model_validator(mode="after")
-    def _check_turn_of_robot(self) -> Self:
-        rules, turn = self.rules, self.robot.limits.turn
+    def _check_turn(self, robot: RobotConfig) -> None:
+        rules, turn = self.rules, robot.limits.turn
         if turn * rules.dt / rules.substeps > _ROBOT_TURN:
             message = (
                 f"the robot may turn {_ROBOT_TURN:g} rad in a physics step, dt / substeps; with a limit of {turn:.3g} "
@@ -229,7 +260,6 @@ class ScenarioConfig(Settings):
                 f"{math.ceil(turn * rules.dt / _ROBOT_TURN)}, or lower rules.dt or robot.limits.turn"
             )
             raise setting_error(message, "rules", "substeps")
-        return self
 
     @model_validator(mode="after")
     def _check_steps_of_people(self) -> Self:
@@ -274,6 +304,21 @@ class ScenarioConfig(Settings):
         """The number of drawn pieces of each type of furniture, by name of the type."""
         return {name: getattr(self, key, IntRange(0, 0)) for name, key in count_keys().items()}
 
+    @property
+    def tasks(self) -> list[tuple[RobotConfig, GoalConfig, str]]:
+        """Robot, goal and controller of each other robot."""
+        return [(other, other.goal, other.controller) for other in self.robots for _ in range(other.count)]
+
+    def with_task(self, robot: RobotConfig, goal: GoalConfig) -> ScenarioConfig:
+        """The scenario with another robot and goal in place of the first."""
+        return self.model_copy(update={"robot": robot, "goal": goal})
+
+    @model_serializer(mode="wrap")
+    def _serialise(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out what most scenarios do not have."""
+        values: dict[str, Any] = handler(self)
+        return {key: value for key, value in values.items() if value or key != "robots"}
+
     def size_of(self, furniture: str) -> Size | None:
         """The size of a type of furniture, m, by `sizes` or else by the type; None: unknown."""
         return self.sizes.get(furniture, furniture_type(furniture).size)
@@ -292,6 +337,13 @@ class ScenarioConfig(Settings):
     def settings(self) -> dict[str, Any]:
         """Return all settings, with defaults, as JSON values; `ScenarioConfig(**settings)` restores the scenario."""
         return self.model_dump(mode="json")
+
+
+def _without_place(section: Any) -> dict[str, Any]:
+    """The settings of a robot or a goal without those that say where it is."""
+    if section is not None and not isinstance(section, dict):
+        section = section.model_dump(mode="json", exclude_defaults=True) if isinstance(section, Settings) else {}
+    return {key: value for key, value in (section or {}).items() if key not in ("pose", "position", "jitter")}
 
 
 def count_keys() -> dict[str, str]:

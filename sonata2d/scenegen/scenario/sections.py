@@ -9,6 +9,7 @@ from pydantic import (
     AfterValidator,
     BeforeValidator,
     Field,
+    PositiveInt,
     SerializerFunctionWrapHandler,
     TypeAdapter,
     ValidationError,
@@ -18,12 +19,12 @@ from pydantic import (
 )
 
 from ...core.bounds import Capacity, Fraction, NotNegative, Number, Positive
-from ...core.entities import DEFAULT_MODEL, Formation, Limits, Reaction
+from ...core.entities import DEFAULT_CONTROLLER, DEFAULT_MODEL, Formation, Limits, Reaction
 from ...core.geometry import Disc, Point, Polygon, Rectangle, Shape, quantised
 from ...core.labels import LabelSpec
 from ...core.scene import Rules, Social
 from ...core.wording import shown
-from ...registry import DRIVES, PEDESTRIAN_MODELS, did_you_mean, drive_class
+from ...registry import CONTROLLERS, DRIVES, PEDESTRIAN_MODELS, did_you_mean, drive_class
 from .base import (
     BodyRadius,
     Breadth,
@@ -401,6 +402,26 @@ class GoalConfig(Settings):
     position: Point | None = None
     jitter: tuple[NotNegative, NotNegative] = (0.0, 0.0)
     theta: Number | None = None
+
+
+class OtherRobotConfig(RobotConfig):
+    """Robots besides the first one, with the settings of the section `robot` and these.
+
+    Attributes:
+        count: number of such robots.
+        controller: name of a built-in controller or of a plug-in, which drives them unless an episode gets others.
+        goal: their goals; see the section `goal`.
+    """
+
+    count: PositiveInt = 1
+    controller: Annotated[str, AfterValidator(partial(require_registered, CONTROLLERS))] = DEFAULT_CONTROLLER
+    goal: GoalConfig = GoalConfig()
+
+    @model_validator(mode="after")
+    def _check_count(self) -> Self:
+        if self.count > 1 and (self.pose is not None or self.goal.position is not None):
+            raise setting_error("robots with a given pose or goal position are listed one by one", "count")
+        return self
 
 
 def _check_time_limit(rules: Rules) -> Rules:

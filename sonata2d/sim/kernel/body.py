@@ -23,7 +23,7 @@ class Body(NamedTuple):
         core: (K, 2), corners of the core in the body frame, counter-clockwise, m.
         rounding: m.
         corners: (K, 2), scratch, the corners at a pose, m.
-        target: (N + B, 7), scratch, the near outlines.
+        target: (N + B + E, 7), scratch, the near outlines.
         found: (5,), scratch, a separation.
         motion: (5,), what `shaped.limit_motion` returns: velocity ahead and to the left, m/s; turn rate, rad/s;
             fraction of the velocity with which the robot pushes pedestrians; whether the guard reduced it.

@@ -76,11 +76,9 @@ class EngineMemory:
         bodies: of the space, in its order.
         torsos: segments, the shapes of the pedestrians.
         shoulder: (N,), half the length of their shoulder lines, m.
-        outline: the shapes of the robot if it is no disc, see `Engine`.
-        corners: of the robot, in the body frame, m.
 
     Attributes:
-        engine: the space for kernels.
+        engine: the space for kernels, without the outline of a robot.
     """
 
     def __init__(
@@ -89,8 +87,6 @@ class EngineMemory:
         bodies: Sequence[pymunk.Body],
         torsos: Sequence[pymunk.Segment],
         shoulder: NDArray[Any],
-        outline: Sequence[pymunk.Shape] = (),
-        corners: Sequence[tuple[float, float]] = (),
     ) -> None:
         count = len(bodies)
         # The engine would move a buffer with fewer than two free places, so that all are longer than needed.
@@ -114,9 +110,18 @@ class EngineMemory:
         handle = np.array(addresses, dtype=np.int64)
         self.engine = Engine(
             handle, counts, motions, forces, shapes, shoulder, of_bodies, numbers[2][:4],
-            outline=np.array([_address(shape._shape) for shape in outline], dtype=np.int64),
-            corners=np.array(corners, dtype=float).reshape(-1, 2),
+            outline=np.zeros(0, dtype=np.int64), corners=np.zeros((0, 2)),
         )  # fmt: skip
+
+    def engine_with(self, outline: Sequence[pymunk.Shape], corners: Sequence[tuple[float, float]]) -> Engine:
+        """The space for kernels of a robot.
+
+        Args:
+            outline: its shapes if it is no disc, see `Engine`.
+            corners: in the body frame, m.
+        """
+        addresses = np.array([_address(shape._shape) for shape in outline], dtype=np.int64)
+        return self.engine._replace(outline=addresses, corners=np.array(corners, dtype=float).reshape(-1, 2))
 
     def use(self, space: pymunk.Space) -> None:
         """Work on another space with the same bodies."""

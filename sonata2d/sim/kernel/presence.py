@@ -38,7 +38,7 @@ class Attendance(NamedTuple):
         enters, leaves: (N,) of int, ticks; -1 for never.
         start: (N, 6), position, velocity and direction of the heading when a pedestrian enters.
         parking: (N, 2), places of the absent, m.
-        radius: (N + 1,), m, of the circles around the bodies, the robot last.
+        radius: (N + R,), m, of the circles around the bodies, those of the robots last.
         minimum: (N,), m, least gap of these circles when a pedestrian enters.
         party: (N,) of int; pedestrians with the same number enter only if there is room for all; -1 for alone.
         track_start: (N + 1,) of int, first place of each pedestrian in `track`; the number of places last.
@@ -79,7 +79,7 @@ def attendance_of(scene: Scene) -> Attendance:
         leaves=np.array([_NEVER if h.leaves is None else h.leaves for h in humans], dtype=np.int64),
         start=np.array([(*h.pose.position, *h.velocity, *h.pose.direction) for h in humans]).reshape(count, 6),
         parking=np.array(scene.parking, dtype=float).reshape(count, 2),
-        radius=np.array([*scene.human_table.circumradius, scene.robot.radius]),
+        radius=np.array([*scene.human_table.circumradius, *(robot.radius for robot, _ in scene.tasks)]),
         minimum=np.array([ENTRY_GAP if h.behaviour == "wandering" else -ENTRY_OVERLAP for h in humans]),
         party=np.array(
             [
@@ -177,7 +177,7 @@ def _may_enter(own: Attendance, k: int, tick: int, rows: Array) -> bool:
 def _has_room(own: Attendance, k: int, rows: Array) -> bool:
     """Whether there is space for a pedestrian that enters, however it and the others turn."""
     for j in range(len(rows)):
-        if j == len(rows) - 1 or not own.is_absent[j]:
+        if j >= len(own.is_absent) or not own.is_absent[j]:
             gap = length(rows[j, X] - own.start[k, 0], rows[j, Y] - own.start[k, 1]) - own.radius[j] - own.radius[k]
             if not gap > own.minimum[k]:
                 return False

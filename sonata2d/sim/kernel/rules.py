@@ -69,7 +69,7 @@ def maximum_speeds(scene: Scene) -> Array:
     speeds = walking_speeds(scene)
     change = 2.0 * speeds.max(initial=0.0) * min(max(scene.rules.dt / RESPONSE_TIME, 0.25), 1.0)
     push: float = max(_PUSH_SPEED, change)
-    return speeds + (push if scene.rules.guard else push + scene.robot.top_speed)
+    return speeds + (push if scene.rules.guard else push + max(robot.top_speed for robot, _ in scene.tasks))
 
 
 def _track_speed(human: Human, dt: float) -> float:

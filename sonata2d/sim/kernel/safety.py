@@ -52,10 +52,13 @@ class Guard(NamedTuple):
         torso: (N, 2), unit vectors of their headings in the substep.
         human_contact: (N,) of int, the bits above, of contacts during the tick.
         barrier_contact: (B,) of int, the same for walls and furniture.
+        robot_contact: (R,) of int, the same for the robots, of which the own one is 0.
         barrier_owner: (B,) of int, the first barrier of the same wall or object.
-        near: (N + B,) of int, the pedestrians and then the barriers that can come near within the tick.
-        counts: (3,) of int, how many of them are pedestrians, and barriers; and 1 if there was a contact in the tick.
-        separation: (N + B, 5), scratch, for each near outline: unit vector from the robot to it, the gap, m, the
+        near: (N + B + E,) of int, the pedestrians and then the barriers that can come near within the tick; then for
+            each near side of another robot that robot's index.
+        counts: (4,) of int, how many of them are pedestrians, and barriers; 1 if there was a contact in the tick; and
+            how many are sides of robots.
+        separation: (N + B + E, 5), scratch, for each near outline: unit vector from the robot to it, the gap, m, the
             maximum velocity of the robot towards it, m/s, and of an outline that turns, the velocity with which a turn
             rate of 1 rad/s moves the nearest point towards it, m/s.
     """
@@ -65,6 +68,7 @@ class Guard(NamedTuple):
     torso: Floats2
     human_contact: Ints
     barrier_contact: Ints
+    robot_contact: Ints
     barrier_owner: Ints
     near: Ints
     counts: Ints
@@ -72,16 +76,24 @@ class Guard(NamedTuple):
 
 
 @subroutine
-def find_near(guard: Guard, bodies: Array, solids: Solids, rules: Array) -> None:
-    """Clear the contacts, and find the outlines that can come near within the tick; bodies as in `Engine`."""
+def find_near(guard: Guard, bodies: Array, row: int, solids: Solids, rules: Array) -> None:
+    """Clear the contacts, and find the outlines that can come near within the tick.
+
+    Args:
+        guard: updated.
+        bodies: as in `Engine`.
+        row: of the robot in `bodies`.
+        solids: walls and furniture.
+        rules: see `rules`.
+    """
     guard.human_contact[:] = 0
     guard.barrier_contact[:] = 0
+    guard.robot_contact[:] = 0
     guard.counts[2] = 0
-    last = bodies.shape[0] - 1
-    x, y, vx, vy = bodies[last, X], bodies[last, Y], bodies[last, VX], bodies[last, VY]
+    x, y, vx, vy = bodies[row, X], bodies[row, Y], bodies[row, VX], bodies[row, VY]
     reach = max(math.sqrt(vx * vx + vy * vy), rules[OWN_SPEED]) * rules[TICK]
     count = 0
-    for k in range(last):
+    for k in range(len(guard.human_contact)):
         dx, dy = bodies[k, X] - x, bodies[k, Y] - y
         widest = guard.radius[k] + guard.shoulder[k] + rules[ROBOT_RADIUS]
         if math.sqrt(dx * dx + dy * dy) - widest < reach + rules[HUMAN_RANGE]:

@@ -1,7 +1,8 @@
-"""The safety guard of robots that are no discs, or whose drive turns only as it moves.
+"""The safety guard of robots that are no discs, whose drive turns only as it moves, or that are not alone.
 
-As `safety.limited` for a disc, with two differences: an outline that turns moves its corners, and after velocity and
-turn rate were limited by the nearest points, the pose at the end of the substep is tried.
+As `safety.limited` for a disc, with three differences: an outline that turns moves its corners; after velocity and turn
+rate were limited by the nearest points, the pose at the end of the substep is tried; and the outlines of other robots
+are in the way, where they are at that moment. Robots are rigid and do not push each other, with or without the guard.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from .safety import (
     nearest_edge,
     within_limits,
 )
-from .step import Buffers
+from .step import Buffers, body_row, robot_at
 
 _HALVINGS = 10  # of the interval in which the largest fraction of a motion is searched
 _TOLERANCE = 1e-7  # m, by which an outline may come too near
@@ -67,13 +68,15 @@ def limit_motion(packed_world: Any, ahead: float, left: float, omega: float, h: 
     """
     world = unpack(packed_world, Buffers)
     guard, body, rules = world.guard, world.body, world.rules
-    count, is_guarded = guard.counts[0] + guard.counts[1], rules[GUARD] != 0.0
-    motion = body.motion
+    motion, is_guarded = body.motion, rules[GUARD] != 0.0
     motion[0], motion[1], motion[2] = ahead, left, omega
     motion[3], motion[4] = 0.0 if is_guarded else 1.0, 0.0
+    speed = length(ahead, left) + abs(omega) * rules[ROBOT_RADIUS]
+    _find_robots(world, speed * h + rules[CONTACT_DISTANCE])
+    count = _near_count(guard)
     if count == 0:
         return
-    _find_targets(world, length(ahead, left) + abs(omega) * rules[ROBOT_RADIUS], h)
+    _find_targets(world, speed, h)
     if rules[COUPLED] == 0.0:
         _limit_turn(guard, motion, count)
     _limit_velocity(world, h)
@@ -84,14 +87,46 @@ def limit_motion(packed_world: Any, ahead: float, left: float, omega: float, h: 
 
 
 @subroutine
+def _near_count(guard: Guard) -> int:
+    """Number of near outlines."""
+    count: int = guard.counts[0] + guard.counts[1] + guard.counts[3]
+    return count
+
+
+@subroutine
+def _find_robots(world: Buffers, reach: float) -> None:
+    """Add the sides of other robots that are nearer than the reach, m, to the near outlines."""
+    guard, body, bodies = world.guard, world.body, world.engine.bodies
+    first, row, count = guard.counts[0] + guard.counts[1], body_row(world), 0
+    for r in range(len(world.robots)):
+        if r == world.number:
+            continue
+        other = robot_at(world, r)
+        radii = world.rules[ROBOT_RADIUS] + other.rules[ROBOT_RADIUS]
+        x, y = other.motion[X], other.motion[Y]  # where it is in this substep, if it has moved already
+        if length(x - bodies[row, X], y - bodies[row, Y]) - radii > reach:
+            continue
+        core, corners = other.body.core, other.body.corners
+        place_corners(core, x, y, other.robot[BODY_X], other.robot[BODY_Y], corners)
+        for side in range(len(core)):
+            target, end = body.target[first + count], (side + 1) % len(core)
+            target[START_X], target[START_Y] = corners[side, 0], corners[side, 1]
+            target[END_X], target[END_Y] = corners[end, 0], corners[end, 1]
+            target[RADIUS], target[ALLOWED] = other.body.rounding, 0.0
+            guard.near[first + count] = r
+            count += 1
+    guard.counts[3] = count
+
+
+@subroutine
 def _find_targets(world: Buffers, speed: float, h: float) -> None:
     """Fill `Body.target` and `Guard.separation` for the near outlines, of a robot with a speed, m/s, at its corners."""
     guard, body, robot, rules, solids = world.guard, world.body, world.robot, world.rules, world.solids
-    bodies, people, count = world.engine.bodies, guard.counts[0], guard.counts[0] + guard.counts[1]
-    last, target, barriers = len(bodies) - 1, body.target, solids.table
+    bodies, people, solid = world.engine.bodies, guard.counts[0], guard.counts[0] + guard.counts[1]
+    own, target, barriers = body_row(world), body.target, solids.table
     depth = 0.0 if rules[GUARD] != 0.0 else PUSH_DEPTH * h * speed
-    place_corners(body.core, bodies[last, X], bodies[last, Y], robot[BODY_X], robot[BODY_Y], body.corners)
-    for n in range(count):
+    place_corners(body.core, bodies[own, X], bodies[own, Y], robot[BODY_X], robot[BODY_Y], body.corners)
+    for n in range(_near_count(guard)):
         k, row = guard.near[n], target[n]
         if n < people:
             x, y = bodies[k, X] + bodies[k, VX] * h, bodies[k, Y] + bodies[k, VY] * h  # at the end of the substep
@@ -102,11 +137,11 @@ def _find_targets(world: Buffers, speed: float, h: float) -> None:
             if depth > 0.0:  # a person that is pressed against something stops the robot
                 room = outline_gap(solids, x, y, torso[0], torso[1], radius, shoulder, depth)
                 row[ALLOWED] = clipped(room, 0.0, depth)
-        else:
+        elif n < solid:
             for column in range(RADIUS + 1):  # the same columns
                 row[column] = barriers[k, column]
             row[ALLOWED] = 0.0
-        _separate_from(body, n, bodies[last, X], bodies[last, Y], guard.separation[n])
+        _separate_from(body, n, bodies[own, X], bodies[own, Y], guard.separation[n])
         row[START_GAP] = guard.separation[n, GAP]
         guard.separation[n, LIMIT] = max(row[START_GAP] + row[ALLOWED], 0.0) / h
 
@@ -147,7 +182,7 @@ def _limit_velocity(world: Buffers, h: float) -> None:
     A drive that turns only as it moves has its turn rate scaled as well.
     """
     guard, robot, motion = world.guard, world.robot, world.body.motion
-    count, is_coupled = guard.counts[0] + guard.counts[1], world.rules[COUPLED] != 0.0
+    count, is_coupled = _near_count(guard), world.rules[COUPLED] != 0.0
     vx, vy = _velocity(robot, motion[0], motion[1], motion[2], h)
     fraction = 1.0
     for n in range(count):
@@ -199,7 +234,7 @@ def _fits(world: Buffers, ahead: float, left: float, omega: float, h: float) -> 
     """Whether the robot overlaps with nothing more than it is allowed to, or did before, at the end of a motion."""
     guard, body = world.guard, world.body
     x, y = _place_at_end(world, ahead, left, omega, h)
-    for n in range(guard.counts[0] + guard.counts[1]):
+    for n in range(_near_count(guard)):
         _separate_from(body, n, x, y, guard.separation[n])
         if guard.separation[n, GAP] < min(body.target[n, START_GAP], -body.target[n, ALLOWED]) - _TOLERANCE:
             return False
@@ -210,9 +245,9 @@ def _fits(world: Buffers, ahead: float, left: float, omega: float, h: float) -> 
 def _place_at_end(world: Buffers, ahead: float, left: float, omega: float, h: float) -> Vector:
     """Place the robot's corners where they are at the end of a motion; its centre there, m."""
     robot, bodies, body = world.robot, world.engine.bodies, world.body
-    last = len(bodies) - 1
+    row = body_row(world)
     vx, vy = _velocity(robot, ahead, left, omega, h)
-    x, y = bodies[last, X] + vx * h, bodies[last, Y] + vy * h
+    x, y = bodies[row, X] + vx * h, bodies[row, Y] + vy * h
     turn_x, turn_y = rotation(omega * h)
     c, s = robot[BODY_X] * turn_x - robot[BODY_Y] * turn_y, robot[BODY_Y] * turn_x + robot[BODY_X] * turn_y
     place_corners(body.core, x, y, c, s, body.corners)
@@ -223,7 +258,7 @@ def _place_at_end(world: Buffers, ahead: float, left: float, omega: float, h: fl
 def _note_contacts(world: Buffers, ahead: float, left: float, omega: float, h: float) -> None:
     """Record the contacts at the end of the motion, faults by the wanted motion; and what the robot pushes."""
     guard, body, bodies, motion = world.guard, world.body, world.engine.bodies, world.body.motion
-    people, count = guard.counts[0], guard.counts[0] + guard.counts[1]
+    people, solid, count = guard.counts[0], guard.counts[0] + guard.counts[1], _near_count(guard)
     wanted_x, wanted_y = _velocity(world.robot, ahead, left, omega, h)
     vx, vy = _velocity(world.robot, motion[0], motion[1], motion[2], h)
     x, y = _place_at_end(world, motion[0], motion[1], motion[2], h)
@@ -234,8 +269,11 @@ def _note_contacts(world: Buffers, ahead: float, left: float, omega: float, h: f
         if row[GAP] >= world.rules[CONTACT_DISTANCE]:
             continue
         guard.counts[2] = 1
+        if n >= solid:
+            _note_robot(world, n, wanted_x, wanted_y, omega)
+            continue
         if n >= people:
-            row = guard.separation[nearest_edge(guard, n, people, count)]
+            row = guard.separation[nearest_edge(guard, n, people, solid)]
             own_speed = wanted_x * row[OUT_X] + wanted_y * row[OUT_Y] + omega * row[LEVER]
             guard.barrier_contact[k] |= faults_of(own_speed, 0.0)
             continue
@@ -246,3 +284,25 @@ def _note_contacts(world: Buffers, ahead: float, left: float, omega: float, h: f
         if row[GAP] < 0.0 and towards > max(away, 0.0) and square > 0.0:
             # Half of the velocity difference, as in an inelastic collision of equal masses.
             motion[3] = min(motion[3], max(1.0 - 0.5 * (towards - away) * towards / square, 0.0))
+
+
+@subroutine
+def _note_robot(world: Buffers, n: int, wanted_x: float, wanted_y: float, omega: float) -> None:
+    """Record the contact with the robot to which near outline n belongs, for both of them; faults by its nearest side.
+
+    Args:
+        world: buffers of the robot that moves.
+        n: index of the outline.
+        wanted_x, wanted_y: velocity that its drive would set, m/s, world frame.
+        omega: turn rate that its drive would set, rad/s.
+    """
+    guard, r = world.guard, world.guard.near[n]
+    for k in range(_near_count(guard) - guard.counts[3], _near_count(guard)):
+        if guard.near[k] == r and guard.separation[k, GAP] < guard.separation[n, GAP]:
+            return
+    row, other = guard.separation[n], robot_at(world, r)
+    own_speed = wanted_x * row[OUT_X] + wanted_y * row[OUT_Y] + omega * row[LEVER]
+    other_speed = -(other.motion[VX] * row[OUT_X] + other.motion[VY] * row[OUT_Y])
+    guard.robot_contact[r] |= faults_of(own_speed, other_speed)
+    other.guard.robot_contact[world.number] |= faults_of(other_speed, own_speed)
+    other.guard.counts[2] = 1

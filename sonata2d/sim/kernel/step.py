@@ -1,4 +1,4 @@
-"""One tick of the world: the robot's drive, the physics substeps under the safety guard, and posture."""
+"""One tick of the world: the robots' drives, the physics substeps under the safety guard, and posture."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ...agents.drives.base import DriveState
 from ...core.barrier_grid import Solids, outline_gap
 from ...core.compiled.calls import call
 from ...core.compiled.kernel import kernel, subroutine
-from ...core.compiled.packing import Bools, Floats, Floats2, Ints, unpack
+from ...core.compiled.packing import Bools, Floats, Floats2, Ints, packed_at, unpack
 from ...core.compiled.scalar import (
     Vector,
     length,
@@ -58,8 +58,12 @@ class Buffers(NamedTuple):
     """Buffers of the world: bodies, safety guard, state, barriers and commands.
 
     Attributes:
-        engine: bodies, the robot last.
+        engine: bodies, those of the R robots last.
         guard: of the safety guard.
+        robots: (R,) of int, addresses of the packed buffers of all robots of the scene, which share all that is not of
+            a single robot; the first robot comes first.
+        number: of the robot in `robots`.
+        commands: (R, 3), twists of the drives, body frame, m/s and rad/s.
         robot: (13,), columns of `core.state`.
         humans: (N, 9), columns of `core.humans`.
         posture: (N, 3), see `posture`.
@@ -69,7 +73,7 @@ class Buffers(NamedTuple):
         reach: address of `Drive.kernel`.
         drive_state: see there.
         body: outline of the robot.
-        limit_motion: address of `shaped.limit_motion`; zeros for a disc whose drive turns by itself.
+        limit_motion: address of `shaped.limit_motion`; zeros for a single disc whose drive turns by itself.
         gap_at: address of `shaped.gap_at`; zeros for a disc.
         solids: walls and furniture.
         acceleration: (N, 2), m/s^2, of the pedestrians.
@@ -82,6 +86,9 @@ class Buffers(NamedTuple):
 
     engine: Engine
     guard: Guard
+    robots: Ints
+    number: int
+    commands: Floats2
     robot: Floats
     humans: Floats2
     posture: Floats2
@@ -107,45 +114,80 @@ class Buffers(NamedTuple):
 def advance(packed_world: Any, vx: float, vy: float, omega: float, is_limited: bool, first: int, end: int) -> None:
     """Move the world from one substep of a tick to another.
 
+    Robots move one after the other in a substep, so that each of them keeps off the others where they are.
+
     Args:
-        packed_world: packed `Buffers`. The robot is updated, the pedestrians only after the last substep of the tick.
-        vx, vy, omega: twist of the robot's drive, body frame, m/s and rad/s.
-        is_limited: whether to limit it to what the drive can reach within the tick.
+        packed_world: packed `Buffers`, with the commands of the other robots. The robots are updated, the pedestrians
+            only after the last substep of the tick.
+        vx, vy, omega: twist of the first robot's drive, body frame, m/s and rad/s.
+        is_limited: whether to limit the twists to what the drives can reach within the tick.
         first, end: the substeps from the first one to before the end.
     """
     buffers = unpack(packed_world, Buffers)
-    engine, guard, robot, humans, drive = buffers.engine, buffers.guard, buffers.robot, buffers.humans, buffers.drive
-    rules, solids = buffers.rules, buffers.solids
-    count, h = humans.shape[0], rules[SUBSTEP]
+    engine, robots, rules, count = buffers.engine, len(buffers.robots), buffers.rules, len(buffers.humans)
+    h = rules[SUBSTEP]
     if first == 0:
-        drive[_VX], drive[_VY], drive[_OMEGA] = vx, 0.0 if rules[HOLONOMIC] == 0.0 else vy, omega
-        if is_limited:
-            state, now = buffers.drive_state, robot[EXECUTED_VX : EXECUTED_OMEGA + 1]
-            call(buffers.reach, (state.parameters, state.limits, state.memory, now, drive[:3], rules[TICK]))
-            if not (abs(drive[_VX]) < _FASTEST and abs(drive[_VY]) < _FASTEST and abs(drive[_OMEGA]) < _FASTEST):
-                raise ValueError("the robot's drive executes a velocity that is not finite; check its parameters")
-        drive[_SUM_X], drive[_SUM_Y], drive[_SUM_OMEGA] = 0.0, 0.0, 0.0
-        drive[_COS], drive[_SIN] = rotation(drive[_OMEGA] * h * 0.5)
-        robot[GUARDED] = 0.0
-        find_near(guard, engine.bodies, solids, rules)
+        command = buffers.commands[0]
+        command[0], command[1], command[2] = vx, vy, omega
+        for r in range(robots):
+            _begin_motion(robot_at(buffers, r), is_limited)
         _turn_bodies(buffers)
     for k in range(count):
         for axis in range(2):
             engine.forces[k, axis] = 0.0 if buffers.attendance.is_absent[k] else buffers.acceleration[k, axis] * MASS
     for substep in range(first, end):
         _turn_torsos(buffers, int(rules[SUBSTEPS]) - substep)
-        _move_robot(buffers, h)
+        for r in range(robots):
+            _move_robot(robot_at(buffers, r), h)
         apply_forces(engine)
         step_space(engine, h)
         read_bodies(engine)
         _limit_speeds(buffers)
-        _keep_robot(buffers)
+        for r in range(robots):
+            _keep_robot(robot_at(buffers, r))
     if end == int(rules[SUBSTEPS]):
-        robot[EXECUTED_VX], robot[EXECUTED_VY] = drive[_SUM_X] / rules[SUBSTEPS], drive[_SUM_Y] / rules[SUBSTEPS]
-        robot[EXECUTED_OMEGA] = robot[OMEGA] = drive[_OMEGA]
-        if _is_shaped(buffers):
-            robot[EXECUTED_OMEGA], robot[OMEGA] = drive[_SUM_OMEGA] / rules[SUBSTEPS], buffers.body.motion[2]
-        copy_bodies(engine.bodies, robot, humans)
+        for r in range(robots):
+            _end_motion(robot_at(buffers, r))
+        copy_bodies(buffers)
+
+
+@subroutine
+def robot_at(buffers: Buffers, r: int) -> Buffers:
+    """The buffers of robot r."""
+    own: Buffers = unpack(packed_at(buffers.robots[r]), Buffers)
+    return own
+
+
+@subroutine
+def body_row(buffers: Buffers) -> int:
+    """The row of the robot in `Engine.bodies`."""
+    return len(buffers.humans) + buffers.number
+
+
+@subroutine
+def _begin_motion(buffers: Buffers, is_limited: bool) -> None:
+    """Find what the drive of a robot does in a tick, and what can come near."""
+    robot, drive, rules, command = buffers.robot, buffers.drive, buffers.rules, buffers.commands[buffers.number]
+    drive[_VX], drive[_VY], drive[_OMEGA] = command[0], 0.0 if rules[HOLONOMIC] == 0.0 else command[1], command[2]
+    if is_limited:
+        state, now = buffers.drive_state, robot[EXECUTED_VX : EXECUTED_OMEGA + 1]
+        call(buffers.reach, (state.parameters, state.limits, state.memory, now, drive[:3], rules[TICK]))
+        if not (abs(drive[_VX]) < _FASTEST and abs(drive[_VY]) < _FASTEST and abs(drive[_OMEGA]) < _FASTEST):
+            raise ValueError("the robot's drive executes a velocity that is not finite; check its parameters")
+    drive[_SUM_X], drive[_SUM_Y], drive[_SUM_OMEGA] = 0.0, 0.0, 0.0
+    drive[_COS], drive[_SIN] = rotation(drive[_OMEGA] * rules[SUBSTEP] * 0.5)
+    robot[GUARDED] = 0.0
+    find_near(buffers.guard, buffers.engine.bodies, body_row(buffers), buffers.solids, rules)
+
+
+@subroutine
+def _end_motion(buffers: Buffers) -> None:
+    """Note what a robot has executed in a tick."""
+    robot, drive, rules = buffers.robot, buffers.drive, buffers.rules
+    robot[EXECUTED_VX], robot[EXECUTED_VY] = drive[_SUM_X] / rules[SUBSTEPS], drive[_SUM_Y] / rules[SUBSTEPS]
+    robot[EXECUTED_OMEGA] = robot[OMEGA] = drive[_OMEGA]
+    if _is_shaped(buffers):
+        robot[EXECUTED_OMEGA], robot[OMEGA] = drive[_SUM_OMEGA] / rules[SUBSTEPS], buffers.body.motion[2]
 
 
 @subroutine
@@ -194,9 +236,18 @@ def _is_stuck(buffers: Buffers, k: int) -> bool:
 
 @subroutine
 def _robot_gap(buffers: Buffers, k: int) -> float:
-    """Gap between the robot and pedestrian k at the start of the tick, m."""
+    """Gap between the nearest robot and pedestrian k at the start of the tick, m."""
     humans, torso = buffers.humans, buffers.guard.torso
-    return _gap_to_robot(buffers, k, humans[k, X], humans[k, Y], torso[k, 0], torso[k, 1])
+    return _gap_to_robots(buffers, k, humans[k, X], humans[k, Y], torso[k, 0], torso[k, 1])
+
+
+@subroutine
+def _gap_to_robots(buffers: Buffers, k: int, x: float, y: float, bx: float, by: float) -> float:
+    """Gap between the nearest robot and pedestrian k at a position, m, with the heading (bx, by); m."""
+    gap = math.inf
+    for r in range(len(buffers.robots)):
+        gap = min(gap, _gap_to_robot(robot_at(buffers, r), k, x, y, bx, by))
+    return gap
 
 
 @subroutine
@@ -226,10 +277,10 @@ def _gap(buffers: Buffers, k: int, j: int, bx: float, by: float) -> float:
 
 @subroutine
 def _depth(buffers: Buffers, k: int, bx: float, by: float) -> float:
-    """Room that pedestrian k lacks with the heading (bx, by), m: between robot and solids, or to other pedestrians."""
+    """Room that pedestrian k lacks with the heading (bx, by), m: between robots and solids, or to other pedestrians."""
     guard, humans = buffers.guard, buffers.humans
     x, y, radius, shoulder = humans[k, X], humans[k, Y], guard.radius[k], guard.shoulder[k]
-    to_robot = _gap_to_robot(buffers, k, x, y, bx, by)
+    to_robot = _gap_to_robots(buffers, k, x, y, bx, by)
     depth: float = -outline_gap(buffers.solids, x, y, bx, by, radius, shoulder, _BESIDE) - min(to_robot, 0.0)
     for j in range(len(humans)):
         if j != k:
@@ -263,7 +314,7 @@ def _move_robot(buffers: Buffers, h: float) -> None:
         h: duration of the substep, s.
     """
     engine, robot, drive, rules = buffers.engine, buffers.robot, buffers.drive, buffers.rules
-    last = len(engine.bodies) - 1
+    row = body_row(buffers)
     omega, half_x, half_y = drive[_OMEGA], drive[_COS], drive[_SIN]
     if _is_shaped(buffers):
         call(buffers.limit_motion, (buffers, drive[_VX], drive[_VY], omega, h))
@@ -283,10 +334,10 @@ def _move_robot(buffers: Buffers, h: float) -> None:
     # The engine finds the robot where it will be at the end of the substep. Its velocity is 0 there, so that the robot
     # stops pedestrians but does not push them, unless a force gives it one.
     motion = buffers.motion
-    motion[X], motion[Y] = engine.bodies[last, X] + vx * h, engine.bodies[last, Y] + vy * h
-    place(engine, last, motion[X], motion[Y], 0.0, 0.0)
+    motion[X], motion[Y] = engine.bodies[row, X] + vx * h, engine.bodies[row, Y] + vy * h
+    place(engine, row, motion[X], motion[Y], 0.0, 0.0)
     drive[_LOST_X], drive[_LOST_Y] = vx * push, vy * push
-    engine.forces[last, 0], engine.forces[last, 1] = vx * push * (ROBOT_MASS / h), vy * push * (ROBOT_MASS / h)
+    engine.forces[row, 0], engine.forces[row, 1] = vx * push * (ROBOT_MASS / h), vy * push * (ROBOT_MASS / h)
     ahead, left = vx * c + vy * s, vy * c - vx * s
     if rules[HOLONOMIC] == 0.0 and rules[COUPLED] == 0.0:
         left = 0.0  # not a rounding error
@@ -304,8 +355,8 @@ def _move_robot(buffers: Buffers, h: float) -> None:
 
 @subroutine
 def _is_shaped(buffers: Buffers) -> bool:
-    """Whether the robot is no disc, or turns only as it moves."""
-    return bool(len(buffers.body.core) > 1 or buffers.rules[COUPLED] != 0.0)
+    """Whether the robot is no disc, turns only as it moves, or is not alone."""
+    return bool(buffers.limit_motion[0] != 0)
 
 
 @subroutine
@@ -331,20 +382,20 @@ def _turned(c: float, s: float, turn_x: float, turn_y: float) -> Vector:
 def _keep_robot(buffers: Buffers) -> None:
     """Undo what contacts did to the robot's body in the last substep, and note the impulse of a push."""
     bodies, drive = buffers.engine.bodies, buffers.drive
-    last, ratio = len(bodies) - 1, 0.0
+    row, ratio = body_row(buffers), 0.0
     if buffers.rules[GUARD] == 0.0:
         ratio = ROBOT_MASS / MASS
-    drive[_LOST_X] = (drive[_LOST_X] - bodies[last, VX]) * ratio
-    drive[_LOST_Y] = (drive[_LOST_Y] - bodies[last, VY]) * ratio
+    drive[_LOST_X] = (drive[_LOST_X] - bodies[row, VX]) * ratio
+    drive[_LOST_Y] = (drive[_LOST_Y] - bodies[row, VY]) * ratio
     _restore_robot(buffers)
 
 
 @subroutine
 def _restore_robot(buffers: Buffers) -> None:
     """Replace the robot's row of `Engine.bodies`, which contacts may have changed, by its own motion."""
-    bodies = buffers.engine.bodies
+    bodies, row = buffers.engine.bodies, body_row(buffers)
     for column in range(4):
-        bodies[len(bodies) - 1, column] = buffers.motion[column]
+        bodies[row, column] = buffers.motion[column]
 
 
 @subroutine
@@ -361,13 +412,16 @@ def _limit_speeds(buffers: Buffers) -> None:
 
 
 @subroutine
-def copy_bodies(bodies: Array, robot: Array, humans: Array) -> None:
-    """Copy positions and velocities from the engine's rows, the robot last, to the state."""
-    count = humans.shape[0]
+def copy_bodies(buffers: Buffers) -> None:
+    """Copy positions and velocities from the engine's rows to the state."""
+    bodies, humans = buffers.engine.bodies, buffers.humans
     for column in range(4):  # x, y, vx, vy are the first columns of all
-        for k in range(count):
+        for k in range(len(humans)):
             humans[k, column] = bodies[k, column]
-        robot[column] = bodies[count, column]
+    for r in range(len(buffers.robots)):
+        own = robot_at(buffers, r)
+        for column in range(4):
+            own.robot[column] = bodies[body_row(own), column]
 
 
 @kernel
@@ -375,8 +429,9 @@ def read_state(packed_world: Any) -> None:
     """Read positions and velocities of the pedestrians of the packed `Buffers` from the engine into its state."""
     buffers = unpack(packed_world, Buffers)
     read_bodies(buffers.engine)
-    _restore_robot(buffers)
-    copy_bodies(buffers.engine.bodies, buffers.robot, buffers.humans)
+    for r in range(len(buffers.robots)):
+        _restore_robot(robot_at(buffers, r))
+    copy_bodies(buffers)
 
 
 @kernel
@@ -384,7 +439,7 @@ def begin(packed_world: Any) -> None:
     """Place the pedestrians of the packed `Buffers` that are not where they start, and read the state."""
     buffers = unpack(packed_world, Buffers)
     begin_attendance(buffers.attendance, buffers.engine, buffers.rules[TICK])
-    copy_bodies(buffers.engine.bodies, buffers.robot, buffers.humans)
+    copy_bodies(buffers)
 
 
 @kernel
@@ -410,5 +465,5 @@ def enter_and_leave(packed_world: Any, tick: int, is_leaving: BoolArray, is_own_
             humans[k, OMEGA] = 0.0
             for column in range(3):
                 buffers.posture[k, column] = 0.0
-    copy_bodies(buffers.engine.bodies, buffers.robot, humans)
+    copy_bodies(buffers)
     return True

@@ -10,11 +10,10 @@ from ...agents.pedestrians.crowd_state import CrowdState
 from ...core.compiled.calls import FLAG, FLAGS, FLOAT, INT, PACKED, address_of, call, call_for_flag
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Ints, unpack
-from ...core.humans import X, Y
 from ...core.portable_math import IntArray
 from ...core.scene import Scene
 from .rules import SUBSTEPS
-from .step import Buffers, advance, enter_and_leave, track
+from .step import Buffers, advance, enter_and_leave, robot_at, track
 
 DONE, LONGER_LISTS, SEATS = range(3)  # what a tick needs to go on
 
@@ -53,7 +52,8 @@ def run_tick(
     Args:
         packed_world, packed_crowd, packed_calls: packed `Buffers`, `CrowdState` and `TickCalls`.
         number: of the tick.
-        vx, vy, omega: command of the robot, body frame, m/s and rad/s; limited to what the drive can reach.
+        vx, vy, omega: command of the first robot, body frame, m/s and rad/s; as those of other robots, which are in
+            `Buffers.commands`, it is limited to what the drive can reach.
         is_decided: go on with a tick that returned `SEATS`.
 
     Returns:
@@ -64,9 +64,11 @@ def run_tick(
     calls = unpack(packed_calls, TickCalls)
     if not is_decided:
         _note_presence(world, crowd)
-        if not call_for_flag(crowd.calls.prepare, (crowd, number, world.robot, world.humans)):
+        for r in range(len(world.robots)):
+            crowd.robots.state[r] = robot_at(world, r).robot
+        if not call_for_flag(crowd.calls.prepare, (crowd, number, world.humans)):
             return LONGER_LISTS
-        call(crowd.calls.accelerate, (crowd, world.robot[X], world.robot[Y]))
+        call(crowd.calls.accelerate, (crowd,))
         for k in range(len(world.sits_on)):
             if world.sits_on[k] != crowd.tasks.sits_on[k]:
                 return SEATS

@@ -50,7 +50,7 @@ from ..wayfinding import (
     start_wandering,
     stop,
     update_obstacles,
-    watch_robot,
+    watch_robots,
 )
 from .acts import draw_end, is_open, let_stand, members_of, set_task, ticks, try_to_send, x_of, y_of
 from .places import (
@@ -122,17 +122,16 @@ def begin(packed_state: Any, seats: IntArray, queues: IntArray) -> None:
 
 
 @kernel
-def advance_tasks(packed_state: Any, tick: int, robot: Array) -> None:
+def advance_tasks(packed_state: Any, tick: int) -> None:
     """Advance all tasks by one tick: arrivals, ends, meetings; and the obstacles that result.
 
     Args:
         packed_state: packed `CrowdState`, updated.
         tick: that begins.
-        robot: columns of `core.state`.
     """
     crowd = unpack(packed_state, CrowdState)
     journeys, tasks = crowd.journeys, crowd.tasks
-    if watch_robot(crowd.obstacles, robot):
+    if watch_robots(crowd.obstacles, crowd.robots):
         tasks.is_changed[0] = True
     for k in range(len(tasks.kind)):
         tasks.is_leaving[k] = False
@@ -147,7 +146,7 @@ def advance_tasks(packed_state: Any, tick: int, robot: Array) -> None:
         _start_meetings(crowd, tick)
     if tasks.is_changed[0]:
         tasks.is_changed[0] = False
-        update_obstacles(crowd.obstacles, crowd.company, crowd.is_present)
+        update_obstacles(crowd.obstacles, crowd.robots, crowd.company, crowd.is_present)
     for k in range(len(tasks.kind)):
         if journeys.track_start[k + 1] > journeys.track_start[k]:
             follow_track(journeys, crowd.routes, k, tick)

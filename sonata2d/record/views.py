@@ -1,0 +1,72 @@
+"""Documents of episodes with several robots, from the view of one of them."""
+
+from __future__ import annotations
+
+from ..core.entities import ROBOT_ID
+from ..core.geometry import quantised
+from .layout import JsonDict
+
+_OF_ROBOT = ("robot", "goal", "controller", "labels")  # top-level keys that each other robot has too
+_OF_FRAME = ("robot", "command", "executed", "guarded", "contacts", "label")
+
+
+def document_seen_by(document: JsonDict, robot_id: int) -> JsonDict:
+    """The document with another robot in place of the first, whose id is the key `robot_id`.
+
+    Args:
+        document: of an episode; its parts are not copied.
+        robot_id: of one of its robots.
+
+    Raises:
+        KeyError: there is no such robot.
+    """
+    own = document.get("robot_id", ROBOT_ID)
+    if robot_id == own:
+        return document
+    robots = document.get("robots") or []
+    ids = [other["id"] for other in robots]
+    if robot_id not in ids:
+        raise KeyError(f"there is no robot {robot_id}; the episode has {', '.join(map(str, [own, *ids]))}")
+    all_ids = [own, *ids]
+    order = [all_ids.index(id) for id in (robot_id, *sorted(id for id in all_ids if id != robot_id))]
+    everyone = [{"id": own, **{key: document[key] for key in _OF_ROBOT}}, *robots]
+    arrivals = document["outcome"]["arrivals"]
+    view: JsonDict = document | {
+        **{key: everyone[order[0]][key] for key in _OF_ROBOT},
+        "robot_id": robot_id,
+        "robots": [everyone[k] for k in order[1:]],
+        "outcome": document["outcome"] | {"arrivals": [arrivals[k] for k in order]},
+        "frames": [_frame_seen_by(frame, order) for frame in document["frames"]],
+        "final": _frame_seen_by(document["final"], order),
+    }
+    return view
+
+
+def _frame_seen_by(frame: JsonDict, order: list[int]) -> JsonDict:
+    """A frame, or the final state, with its robots in another order, of which the first one has its keys."""
+    robots = [{key: frame[key] for key in _OF_FRAME if key in frame}, *frame["robots"]]
+    kept = {key: value for key, value in frame.items() if key not in _OF_FRAME}
+    seen: JsonDict = kept | robots[order[0]] | {"robots": [robots[k] for k in order[1:]]}
+    return seen
+
+
+def document_until_arrival(document: JsonDict) -> JsonDict:
+    """The document up to the tick at which its robot reached its goal, which is then the outcome."""
+    arrivals, frames = document["outcome"].get("arrivals"), document["frames"]
+    if not arrivals or arrivals[0] is None:
+        return document
+    tick = arrivals[0]
+    final = frames[tick] if tick < len(frames) else document["final"]
+    left_out = {"command", "executed", "guarded", "label"}
+    outcome = {
+        "status": "goal",
+        "reason": "the robot has reached its goal",
+        "tick": tick,
+        "time": quantised(final["time"]),
+        "arrivals": arrivals,
+    }
+    return document | {
+        "outcome": outcome,
+        "frames": frames[:tick],
+        "final": {key: value for key, value in final.items() if key not in left_out},
+    }
