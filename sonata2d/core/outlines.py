@@ -55,6 +55,19 @@ def outline_row(shape: Shape, pose: Pose, wall_gap: float = 0.0) -> OutlineRow:
     return (pose.x, pose.y, pose.theta, *sizes, *(c for point in core for c in point), *_FILL[2 * len(core) :])
 
 
+def side_lines(shape: Shape, position: Array, direction: Array) -> Array:
+    """Sides of an outline at poses, as thick lines, (L, K, 5): both ends, m, and the radius; a disc has one.
+
+    Args:
+        shape: of the outline.
+        position, direction: (L, 2), m, and unit vectors of the headings.
+    """
+    core, c, s = np.array(shape.core), direction[:, :1], direction[:, 1:]
+    x, y = position[:, :1] + c * core[:, 0] - s * core[:, 1], position[:, 1:] + s * core[:, 0] + c * core[:, 1]
+    ends = x, y, np.roll(x, -1, axis=1), np.roll(y, -1, axis=1), np.full_like(x, shape.rounding)
+    return np.stack(ends, axis=-1)
+
+
 def shape_gap(shape: Shape, pose: Pose, other: Shape, other_pose: Pose) -> float:
     """Gap between the outlines of two shapes at their poses, m; 0 where they touch or overlap."""
     return float(_pair_gap(np.array([outline_row(shape, pose)]), 0, np.array([outline_row(other, other_pose)]), 0))

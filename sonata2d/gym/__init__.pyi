@@ -6,6 +6,7 @@ from .demonstrations import (
 )
 from .env import SocialNavEnv as SocialNavEnv
 from .export import save_policy as save_policy
+from .parallel import SocialNavParallelEnv as SocialNavParallelEnv
 from .parts import (
     Column as Column,
     DerivedPart as DerivedPart,

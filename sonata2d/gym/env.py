@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -18,9 +18,10 @@ from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
 from ..core.devices import ImageRequest
+from ..core.entities import Limits
 from ..core.geometry import Twist
 from ..core.scene import Scene
-from ..core.snapshot import Snapshot
+from ..core.snapshot import Outcome, Snapshot
 from ..core.wording import shown
 from ..errors import ControllerError, SceneError
 from ..metrics.catalogue import NEEDING_RERUN, select_metrics
@@ -31,6 +32,7 @@ from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.load import scenario_of
+from ..scenegen.scenario.sections import RobotConfig
 from ..sim.episode import Episode
 from .observation import Encoder, Order, Sizes
 from .parts import Observation
@@ -39,9 +41,9 @@ from .rewards import Reward, checked_reward, reward_of
 from .state import MAX_SEED, EnvState, checked_state
 
 Env = gymnasium.Env[Any, Any]
-_RenderMode = Literal["human", "rgb_array", "rgb_array_list"]
+RenderMode = Literal["human", "rgb_array", "rgb_array_list"]
 _LAYOUTS = 100  # episodes that `reset` tries if their scenes have no layout
-_DEFAULT_SIZE, _MAXIMUM_SIDE = (640, 640), 8192  # px
+DEFAULT_SIZE, _MAXIMUM_SIDE = (640, 640), 8192  # px
 
 
 class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
@@ -110,8 +112,8 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         parts: Iterable[str] = (),
         metrics: Iterable[str] | str | bool = False,
         record: str | Path | None = None,
-        render_mode: _RenderMode | None = None,
-        render_size: tuple[int, int] = _DEFAULT_SIZE,
+        render_mode: RenderMode | None = None,
+        render_size: tuple[int, int] = DEFAULT_SIZE,
         view: Literal["top", "follow"] = "top",
     ) -> None:
         parts = (parts,) if isinstance(parts, str) else tuple(parts)
@@ -119,14 +121,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
             self, scenario, settings=settings, reward=reward, sizes=sizes, order=order, parts=parts, metrics=metrics,
             record=record, render_mode=render_mode, render_size=render_size, view=view,
         )  # fmt: skip
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            modes = ", ".join(self.metadata["render_modes"])
-            raise ValueError(f"render_mode must be one of {modes}, or None, got {render_mode!r}")
-        if view not in ("top", "follow"):
-            raise ValueError(f"view must be 'top' or 'follow', got {view!r}")
-        sides = tuple(render_size) if isinstance(render_size, Iterable) else ()
-        if len(sides) != 2 or not all(isinstance(side, int) and 1 <= side <= _MAXIMUM_SIDE for side in sides):
-            raise ValueError(f"render_size must be two integers from 1 to {_MAXIMUM_SIDE}, got {render_size!r}")
+        request = picture_request(self.metadata["render_modes"], render_mode, render_size, view)
         for name, value, example in (("settings", settings, "wandering"), ("sizes", sizes, "humans")):
             if not isinstance(value, Mapping | None):
                 raise TypeError(f"{name} must be a dictionary, e.g. {{{example!r}: 3}}, got {value!r}")
@@ -136,9 +131,8 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         self.entities = Sizes.of(self.config)
         self.encoder = Encoder(self.entities.changed(dict(sizes or {})), order, parts)
         self.observation_space: spaces.Space[Any] = self.encoder.space
-        axes = 3 if self.config.robot.moves_sideways else 2
-        self.action_space = spaces.Box(np.float32(-1.0), np.float32(1.0), (axes,), np.float32)
-        self.render_mode, self._request = render_mode, ImageRequest(*sides, view=view)
+        self.action_space: spaces.Space[Any] = action_space_of(self.config.robot)
+        self.render_mode, self._request = render_mode, request
         self._reward = reward_of(reward)
         self._metrics = _metrics_of(metrics)
         self._folder = None if record is None else recording_folder(record)
@@ -148,11 +142,12 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         self._episode: Episode | None = None
         self._recorder: EpisodeRecorder | None = None
         self._current: Snapshot | None = None
+        self._pictured: Snapshot | None = None  # the same with its other robots
         self._renderer: Any = None
 
     @property
     def snapshot(self) -> Snapshot:
-        """The state that was observed last.
+        """The state that was observed last, with the other robots of a scene as people.
 
         Raises:
             ResetNeeded: `reset` was not called.
@@ -230,8 +225,11 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         if episode.is_over:
             raise gymnasium.error.ResetNeeded("the episode is over; call reset()")
         episode.apply(self.twist_of(action))
-        self._current = after = episode.observe()
+        after = self._look()
         outcome = episode.outcome
+        if outcome is None and episode.arrivals[0] is not None:  # of several robots; the others have not arrived
+            outcome = Outcome("goal", "the robot has reached its goal", after.tick, after.time)
+            episode.end("stopped", outcome.reason)
         reward = checked_reward(self._reward(before, after, outcome))
         info: dict[str, Any] = {}
         if outcome is not None:
@@ -245,18 +243,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
     def twist_of(self, action: NDArray[np.floating[Any]]) -> Twist:
         """The command of an action; see `step` for its errors."""
         # A policy was trained with the limits of the environment, and drives with them in scenes with other limits too.
-        limits, axes = self.config.robot.limits, self.action_space.shape
-        if np.shape(action) != axes:
-            raise ValueError(f"an action has the shape {axes}, got {shown(action)} of the shape {np.shape(action)}")
-        numbers = np.asarray(action)
-        if numbers.dtype.kind not in "fiu":
-            raise TypeError(f"an action holds real numbers, got {shown(action)}")
-        values = [float(value) for value in numbers.tolist()]
-        if not all(map(math.isfinite, values)):
-            raise ControllerError(f"an action holds finite numbers, got {shown(action)}")
-        forward, *sideways, turn = (min(max(value, -1.0), 1.0) for value in values)
-        vx = forward * (limits.ahead if forward > 0.0 else limits.back)
-        return Twist(vx, sideways[0] * limits.sideways if sideways else 0.0, turn * limits.turn)
+        return action_twist(action, self.config.robot.limits, self.action_space.shape)
 
     def action_of(self, twist: Twist) -> NDArray[np.float32]:
         """The action of a command, e.g. of an expert; clipped to [-1, 1]."""
@@ -333,13 +320,13 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
             if watch is not None:
                 watch(self.encoder.encode(self.snapshot))
             episode.apply(Twist(*command))
-            self._current = episode.observe()
+            self._look()
 
     def observe(self, snapshot: Snapshot) -> Observation:
         """The observation of a snapshot, which becomes the present one; for wrappers and policies."""
         if self._current is None or self._current.scene is not snapshot.scene:
             self.encoder.reset(snapshot.scene)
-        self._current = snapshot
+        self._current = self._pictured = snapshot
         return self.encoder.encode(snapshot)
 
     def render(self) -> Any:
@@ -351,7 +338,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         if self.render_mode is None:
             gymnasium.logger.warn("render() was called without a render_mode; give one to gymnasium.make")
             return None
-        return self._get_renderer().render(self.snapshot)
+        return self._get_renderer().render(self._pictured or self.snapshot)
 
     def close(self) -> None:
         """Close the window; an episode that was not over is recorded as stopped."""
@@ -369,7 +356,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
 
     def abandon(self) -> None:
         """Leave the present episode without recording it."""
-        self._episode = self._current = None
+        self._episode = self._current = self._pictured = None
 
     def _start(self, scene: Scene, *, is_recorded: bool = True) -> None:
         """Begin an episode."""
@@ -380,8 +367,14 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
             self._recorder = EpisodeRecorder()
         observers = () if self._recorder is None else (self._recorder,)
         self._episode = Episode(scene, observers=observers)
-        self._current = self._episode.observe()
-        self.encoder.reset(scene)
+        self.encoder.reset(self._look().scene)
+
+    def _look(self) -> Snapshot:
+        """Observe the present state of the episode."""
+        assert self._episode is not None
+        self._pictured = self._episode.observe()
+        self._current = self._pictured.with_robots_as_people()
+        return self._current
 
     def _draw(self, *, is_first: bool = False) -> None:
         """Show or keep a picture of the present state, if the render mode asks for one of every step."""
@@ -389,7 +382,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
             renderer = self._get_renderer()
             if is_first:
                 renderer.begin()
-            renderer.step(self.snapshot)
+            renderer.step(self._pictured or self.snapshot)
 
     def _finish(self, reason: str) -> None:
         """End the present episode if it is not over, so that its recording is kept."""
@@ -411,6 +404,50 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
 
             self._renderer = Renderer(self.render_mode, self._request, self.config.rules.dt)
         return self._renderer
+
+
+def action_space_of(robot: RobotConfig) -> spaces.Box:
+    """The space of the actions of a robot."""
+    return spaces.Box(np.float32(-1.0), np.float32(1.0), (3 if robot.moves_sideways else 2,), np.float32)
+
+
+def action_twist(action: Any, limits: Limits, shape: tuple[int, ...] | None) -> Twist:
+    """The command of an action, fractions of the limits; numbers beyond [-1, 1] are clipped.
+
+    Raises:
+        ControllerError: a number of the action is not finite.
+        TypeError: the action holds something else than real numbers.
+        ValueError: the action has another shape.
+    """
+    if np.shape(action) != shape:
+        raise ValueError(f"an action has the shape {shape}, got {shown(action)} of the shape {np.shape(action)}")
+    numbers = np.asarray(action)
+    if numbers.dtype.kind not in "fiu":
+        raise TypeError(f"an action holds real numbers, got {shown(action)}")
+    values = [float(value) for value in numbers.tolist()]
+    if not all(map(math.isfinite, values)):
+        raise ControllerError(f"an action holds finite numbers, got {shown(action)}")
+    forward, *sideways, turn = (min(max(value, -1.0), 1.0) for value in values)
+    vx = forward * (limits.ahead if forward > 0.0 else limits.back)
+    return Twist(vx, sideways[0] * limits.sideways if sideways else 0.0, turn * limits.turn)
+
+
+def picture_request(
+    modes: Sequence[str], mode: str | None, size: tuple[int, int], view: Literal["top", "follow"]
+) -> ImageRequest:
+    """The pictures that the arguments `render_mode`, `render_size` and `view` ask for.
+
+    Raises:
+        ValueError: one of them is invalid.
+    """
+    if mode is not None and mode not in modes:
+        raise ValueError(f"render_mode must be one of {', '.join(modes)}, or None, got {mode!r}")
+    if view not in ("top", "follow"):
+        raise ValueError(f"view must be 'top' or 'follow', got {view!r}")
+    sides = tuple(size) if isinstance(size, Iterable) else ()
+    if len(sides) != 2 or not all(isinstance(side, int) and 1 <= side <= _MAXIMUM_SIDE for side in sides):
+        raise ValueError(f"render_size must be two integers from 1 to {_MAXIMUM_SIDE}, got {size!r}")
+    return ImageRequest(*sides, view=view)
 
 
 def first_scene(scene_of: Callable[[int], Scene], number: int) -> Scene:

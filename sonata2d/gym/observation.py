@@ -72,6 +72,7 @@ class Sizes:
         groups = ((config.talking_groups.max, talking), (config.walking_groups.max, walking))
         humans += sum(count * size for count, size in groups)
         humans += attending + config.seated.max + len(config.people) + sum(queue.waiting.max for queue in config.queues)
+        humans += sum(other.count for other in config.robots)  # which are observed as people
         humans += _VISITORS if any(door.inflow > 0.0 for door in config.doors) else 0
         laptops = config.tables.max if config.laptops_on_tables else 0
         objects = sum(count.max for count in config.counts.values()) + laptops
@@ -142,7 +143,8 @@ class Encoder:
         self.rows = Rows(humans, objects, walls)
 
     def reset(self, scene: Scene) -> None:
-        """Begin an episode."""
+        """Begin an episode; the other robots of the scene are observed as people."""
+        scene = scene.with_robots_as_people
         self._sight = Packed(sight_of(scene, self.rows, self.arrays, self.order == "nearest"))
         self.objects, self.walls = self._sight.value.objects[:, :2].copy(), self._sight.value.walls
         self._time_limit = scene.rules.time_limit
@@ -155,6 +157,7 @@ class Encoder:
 
     def encode(self, snapshot: Snapshot) -> Observation:
         """The observation of a snapshot of the scene given to `reset`."""
+        snapshot = snapshot.with_robots_as_people()
         state, links = snapshot.state, self._links_of(snapshot)
         write_observation(
             self._sight.argument, state.row, self.present(state), state.activity, links, len(links),

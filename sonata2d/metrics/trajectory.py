@@ -11,6 +11,7 @@ import numpy as np
 
 from ..core.entities import ANY_HEADING
 from ..core.geometry import PRECISION, shoulder_lines, to_shoulder_line
+from ..core.outlines import side_lines
 from ..core.portable_math import Array, BoolArray, unit_vectors
 from ..core.scene import Scene
 from ..core.separation import outline_gaps
@@ -233,11 +234,7 @@ class Trajectory:
         """
         lines, rows = [np.empty((len(self), 0, 5))], self.record.states.robots[: len(self)]
         for k, other in enumerate(self.scene.robots):
-            outline, direction = other.robot.outline, unit_vectors(rows[:, k, THETA])
-            core, c, s = np.array(outline.core), direction[:, :1], direction[:, 1:]
-            x, y = rows[:, k, :1] + c * core[:, 0] - s * core[:, 1], rows[:, k, 1:2] + s * core[:, 0] + c * core[:, 1]
-            ends = (x, y, np.roll(x, -1, axis=1), np.roll(y, -1, axis=1), np.full_like(x, outline.rounding))
-            lines.append(np.stack(ends, axis=-1))
+            lines.append(side_lines(other.robot.outline, rows[:, k, :2], unit_vectors(rows[:, k, THETA])))
         return self._gaps(np.concatenate(lines, axis=1))
 
     @cached_property

@@ -108,6 +108,11 @@ class Episode(Drawable):
         }
 
     @property
+    def arrivals(self) -> tuple[int | None, ...]:
+        """Of several robots, the tick at which each reached its goal so far, in the order of `Scene.robot_ids`."""
+        return tuple(self._arrivals)
+
+    @property
     def is_over(self) -> bool:
         """Whether the episode has an outcome."""
         return self.outcome is not None

@@ -13,6 +13,7 @@ import orjson
 import pytest
 
 import sonata2d as s2
+from sonata2d.agents import Lidar
 from sonata2d.agents.controllers.base import External
 from sonata2d.core.entities import Goal, OtherRobot, Robot
 from sonata2d.core.geometry import Pose, Rectangle, Twist
@@ -416,6 +417,19 @@ def test_exports_take_the_chosen_robot_and_the_others_as_people_or_objects(
     assert (len(step["people"]), len(step["objects"])) == (count, things + 3)
     if format == "socnav3":
         assert [step["robot"][key] for key in ("x", "y")] == recorded.seen_by(chosen).robot[0, :2].tolist()
+
+
+def test_lidar_sees_the_outlines_of_other_robots() -> None:
+    """Ranges by another formula: of rays to a disc ahead, and to the sides of a rectangle to the left."""
+
+    class Scanner(External):
+        sensors = (Lidar(rays=4, distance=10.0),)  # behind, right, ahead, left
+
+    scene = facing(disc(0.0), disc(3.0), disc(0.0, 2.5, math.pi / 2, shape=CART))
+    episode = s2.Episode(scene, Scanner(), others=[External(), External()])
+    snapshot = episode.snapshot()
+    reading = episode._drivers[0].sensors.observe(snapshot).lidar
+    assert reading.ranges.tolist() == pytest.approx([6.0, 6.0, 2.7, 2.5 - 0.45])
 
 
 def test_pictures_show_all_robots(recorded: s2.EpisodeRecord) -> None:

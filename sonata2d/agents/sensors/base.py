@@ -75,7 +75,7 @@ Measure = Callable[[Snapshot, SensorNoise], Any]
 class Sensor(FloatFields, ABC):
     """Base class of sensors. A subclass is a frozen dataclass with settings as fields, and defines `start`.
 
-    A sensor sees the world, not an observation: all walls, furniture and people.
+    A sensor sees the world, not an observation: all walls, furniture and people, and scanners other robots.
 
     Attributes:
         name: of the reading in `snapshot.sensors`; by default that of the class, such as `lidar` or `people_detector`.

@@ -13,6 +13,7 @@ from ...core.arguments import finite_number, positive_number, whole_number
 from ...core.barrier_grid import packed_solids
 from ...core.compiled.kernel import kernel
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
+from ...core.outlines import side_lines
 from ...core.portable_math import PI, Array, IntArray, exp, unit_vector, unit_vectors
 from ...core.rays import fill_bodies, measure_ranges
 from ...core.scene import Scene
@@ -53,7 +54,7 @@ class LidarReading(Reading):
 
 @dataclass(frozen=True)
 class Lidar(Sensor):
-    """A laser scanner in the plane: distances along rays to walls, furniture on the floor, and people.
+    """A laser scanner in the plane: distances along rays to walls, furniture on the floor, people and other robots.
 
     Attributes:
         rays: their number.
@@ -100,13 +101,18 @@ class Lidar(Sensor):
     def start(self, scene: Scene) -> Measure:
         angles = angles_of(self.rays, self.angle) + self.heading
         directions, solids = np.ascontiguousarray(unit_vectors(angles)), packed_solids(scene.barriers)
-        lines = np.empty((2 * len(scene.humans), 5))
+        sides = sum(len(other.robot.outline.core) for other in scene.robots)
+        lines = np.empty((2 * len(scene.humans) + sides, 5))
 
         def measure(snapshot: Snapshot, noise: SensorNoise) -> LidarReading:
             row, ranges = snapshot.state.row, np.full(self.rays, self.distance)
             x, y, c, s = (float(row[column]) for column in (X, Y, BODY_X, BODY_Y))
             x, y = x + self.mount[0] * c - self.mount[1] * s, y + self.mount[0] * s + self.mount[1] * c
             count = self._fill(scene, snapshot, lines)
+            for robot in snapshot.robots:
+                shown = side_lines(robot.body.outline, np.array([robot.position]), np.array([robot.direction]))[0]
+                lines[count : count + len(shown)] = shown
+                count += len(shown)
             measure_ranges(x, y, c, s, solids.argument, lines[:count], directions, ranges)
             is_hit = ranges < self.distance
             if self.noise > 0.0:
