@@ -142,7 +142,8 @@ class Snapshot(Drawable):
         values = vars(snapshot)  # of all attributes except `robot`, `robots` and `humans`; the class is frozen
         values.update(tick=tick, time=round(tick * scene.rules.dt, 4), scene=scene, interactions=interactions)
         values.update(contacts=contacts, events=events, image=None, sensors=None, _state=state)
-        values["contacts_of_robots"] = contacts_of_robots
+        if contacts_of_robots:  # else that of the class
+            values["contacts_of_robots"] = contacts_of_robots
         return snapshot
 
     def __getattr__(self, name: str) -> Any:
@@ -202,9 +203,9 @@ class Snapshot(Drawable):
         Raises:
             KeyError: there is no such robot.
         """
-        scene = self.scene.seen_by(robot_id)
-        if scene is self.scene:
+        if robot_id == self.scene.robot_id:
             return self
+        scene = self.scene.seen_by(robot_id)
         order = [self.scene.robot_ids.index(id) for id in scene.robot_ids]
         contacts: list[tuple[Contact, ...]] = [()] * len(order)
         if self.contacts_of_robots:
@@ -216,10 +217,9 @@ class Snapshot(Drawable):
 
     def with_robots_as_people(self) -> Snapshot:
         """The same state of `Scene.with_robots_as_people`, for code that knows one robot only."""
-        scene = self.scene.with_robots_as_people
-        if scene is self.scene:
+        if not self.scene.robots:
             return self
-        state = self.state
+        scene, state = self.scene.with_robots_as_people, self.state
         others, activity = state.robots, [ACTIVITIES.index("walking")] * len(self.scene.robots)
         people = np.concatenate(
             (others[:, : BODY_Y + 1], others[:, BODY_X : BODY_Y + 1], others[:, OMEGA : OMEGA + 1]), 1

@@ -54,7 +54,9 @@ class Driver:
             ControllerError: the controller's answer is not a finite twist, or its label has a key that it does not
                 declare.
         """
-        controller, snapshot = self.controller, snapshot.seen_by(self.robot_id)
+        controller = self.controller
+        if snapshot.scene.robots:
+            snapshot = snapshot.seen_by(self.robot_id)
         if controller.image is not None and self._renderer is not None:
             snapshot = replace(snapshot, image=self._renderer(snapshot, controller.image))
         if self.sensors:

@@ -79,6 +79,7 @@ class Episode(Drawable):
         self._crowd, self._world = Crowd(scene), World(scene)
         self._observed: Snapshot | None = None  # of the present tick
         self._drivers = _drivers(scene, controller, others, controller_info, renderer)
+        self._observing = [driver for driver in self._drivers if driver.sensors]
         self._arrivals: list[int | None] = [None] * len(self._drivers)  # ticks; not of a single robot
         info = self._drivers[0].info
         if scene.robots:
@@ -341,7 +342,9 @@ class Episode(Drawable):
             for k, is_at_goal in enumerate(arrivals_at(snapshot)):
                 if is_at_goal and self._arrivals[k] is None:
                     self._arrivals[k] = snapshot.tick
-        outcome = outcome_at(snapshot, all(tick is not None for tick in self._arrivals))
+            outcome = _outcome_of_several(snapshot, None not in self._arrivals)
+        else:
+            outcome = outcome_at(snapshot)
         if outcome is not None:
             self._close(snapshot, outcome)
         return snapshot
@@ -368,6 +371,8 @@ class Episode(Drawable):
         answer = self._answer(0, snapshot)
         if isinstance(answer, Outcome):
             return answer
+        if len(self._drivers) == 1:
+            return TickInput(*answer, snapshot.events)
         others = self._answers_of_others(snapshot)
         return others if isinstance(others, Outcome) else TickInput(*answer, snapshot.events, tuple(others))
 
@@ -401,11 +406,12 @@ class Episode(Drawable):
             tick_input = self._standing_after_arrival(tick_input)
         frame = Frame(snapshot, tick_input.command, tick_input.label, tick_input.others)
         try:
-            for driver in self._drivers:
+            for driver in self._observing:
                 driver.look(snapshot)
             for observer in self.observers:
                 observer.on_frame(frame)
-            self._world.run_tick(tick_input.command, self._crowd, [other for other, _ in tick_input.others])
+            others = [other for other, _ in tick_input.others] if tick_input.others else ()
+            self._world.run_tick(tick_input.command, self._crowd, others)
         except BaseException as error:
             interruption.reraise(error)
             self._close_after(error, snapshot)
@@ -506,20 +512,13 @@ def arrivals_at(snapshot: Snapshot) -> list[bool]:
     return [goal.is_reached(robot.pose) for goal, robot in zip(goals, (snapshot.robot, *snapshot.robots), strict=True)]
 
 
-def outcome_at(snapshot: Snapshot, have_arrived: bool = True) -> Outcome | None:
-    """The outcome if the episode ends at a snapshot: goals reached, contact if the rules say so, or time limit.
-
-    Args:
-        snapshot: of the present tick.
-        have_arrived: whether all of several robots have reached their goals.
+def outcome_at(snapshot: Snapshot) -> Outcome | None:
+    """The outcome if an episode of one robot ends at a snapshot: goal reached, contact if the rules say so, or time.
 
     Returns:
         None if the episode continues.
     """
-    scene = snapshot.scene
-    if scene.robots:
-        return _outcome_of_several(snapshot, have_arrived)
-    row = snapshot.state.row
+    scene, row = snapshot.scene, snapshot.state.row
     goal, rules = scene.goal, scene.rules
     # The exact test needs the robot's heading, which takes longer to find than most ticks need for all of this.
     reach = goal.distance + 1e-6
@@ -534,7 +533,7 @@ def outcome_at(snapshot: Snapshot, have_arrived: bool = True) -> Outcome | None:
 
 
 def _outcome_of_several(snapshot: Snapshot, have_arrived: bool) -> Outcome | None:
-    """`outcome_at` of a scene with several robots."""
+    """`outcome_at` of a scene with several robots, which have all arrived or not."""
     scene, rules = snapshot.scene, snapshot.scene.rules
     if "goal" in rules.ends_on and have_arrived:
         count = len(scene.robot_ids)

@@ -97,6 +97,9 @@ class World:
         self.calls = self._packed_calls.argument
         for k, human in enumerate(scene.humans):
             self._face(k, human.pose.direction)
+        self._guards = [packed.value.guard for packed in self._packed]
+        parts = ((guard.human_contact, guard.barrier_contact, guard.robot_contact) for guard in self._guards)
+        self._contact_bits = [part for each in parts for part in each]
         self._no_contacts: tuple[tuple[Contact, ...], ...] = ((),) * (1 + len(scene.robots))
         self._last_contacts: tuple[bytes, tuple[tuple[Contact, ...], ...]] = b"", ()
         self._activity = initial_activities(scene)
@@ -152,6 +155,8 @@ class World:
             activity = activities_of_present(activity, self.scene.human_table.id, interactions)
             is_present = frozen(~is_absent)
         state, contacts = State(row, activity, is_present), self._contacts()
+        if len(contacts) == 1:
+            return Snapshot.of_state(self.tick, self.scene, state, interactions, contacts[0], events)
         return Snapshot.of_state(self.tick, self.scene, state, interactions, contacts[0], events, contacts[1:])
 
     def step(
@@ -165,7 +170,8 @@ class World:
             is_limited: whether to limit the twists to what the drives can reach within the tick.
             others: twists of the other robots' drives; those that are missing are 0.
         """
-        self._command(others)
+        if self.scene.robots:
+            self._command(others)
         buffers = self._buffers
         buffers.facing[:], buffers.gaze[:] = crowd.facing, crowd.gaze
         if crowd.seats is not None and not np.array_equal(crowd.seats, buffers.sits_on):
@@ -207,7 +213,8 @@ class World:
         if not crowd.is_compiled:
             self.step(twist, crowd.act(self.snapshot()), is_limited=True, others=others)
             return
-        self._command(others)
+        if self.scene.robots:
+            self._command(others)
         command, is_decided = (float(twist.vx), float(twist.vy), float(twist.omega)), False
         while True:
             need = run_tick(self.argument, crowd.argument, self.calls, self.tick, *command, is_decided)
@@ -251,11 +258,10 @@ class World:
 
     def _contacts(self) -> tuple[tuple[Contact, ...], ...]:
         """For each robot, its contacts of the last tick: humans, objects, walls, robots, each by id."""
-        guards = [packed.value.guard for packed in self._packed]
-        if not any(guard.counts[2] for guard in guards):
+        guards = self._guards
+        if not guards[0].counts[2] and (len(guards) == 1 or not any(guard.counts[2] for guard in guards)):
             return self._no_contacts
-        parts = ((g.human_contact, g.barrier_contact, g.robot_contact) for g in guards)
-        bits = b"".join(part.tobytes() for each in parts for part in each)
+        bits = b"".join([part.tobytes() for part in self._contact_bits])
         if self._last_contacts[0] != bits:  # a robot that stands at a wall has the same contacts in many ticks
             self._last_contacts = bits, tuple(map(self._build_contacts, guards))
         return self._last_contacts[1]

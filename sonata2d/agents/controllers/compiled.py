@@ -54,7 +54,7 @@ class KernelController(Controller):
 
     def act(self, snapshot: Snapshot) -> Twist:
         memory, command = self._memory_for(snapshot.scene), np.empty(3)
-        state = snapshot.with_robots_as_people().state
+        state = (snapshot.with_robots_as_people() if snapshot.scene.robots else snapshot).state
         row = state.row.copy()  # kernels take writeable arrays
         is_present = np.ones(len(state.activity), dtype=bool) if state.is_present is None else state.is_present.copy()
         humans = row[ROBOT_SIZE:].reshape(-1, HUMAN_SIZE)

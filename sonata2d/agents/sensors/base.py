@@ -289,7 +289,7 @@ def shown_to(controller: Any, snapshot: Snapshot) -> Any:
     """The snapshot as a controller gets it in `act`."""
     if controller.partial:
         return PartialSnapshot(snapshot)
-    return snapshot.with_robots_as_people() if controller.robots_as_people else snapshot
+    return snapshot.with_robots_as_people() if snapshot.scene.robots and controller.robots_as_people else snapshot
 
 
 def known_to(controller: Any, scene: Scene) -> Scene:
