@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import click
 
@@ -70,7 +71,7 @@ def command(
     context: str | None,
     types: dict[str, str],
     robot: int | None,
-    robots_as: str,
+    robots_as: Literal["people", "objects"],
     shard_size: int | None,
     workers: WorkerOptions,
 ) -> None:
@@ -83,7 +84,7 @@ def command(
     from sonata2d.formats.format import Options
 
     with workers.started() as pool, progress(len(episodes_in(source)), "episodes") as advance:
-        options = Options(original=quirks == "original", context=context, types=types, robot=robot, robots_as=robots_as)  # type: ignore[arg-type]  # click has checked it
+        options = Options(original=quirks == "original", context=context, types=types, robot=robot, robots_as=robots_as)
         require_supported(format, options)
         result = export_to(source, format, output, options, shard_size=shard_size, workers=pool, advance=advance)
     show_transfer(result, format, f"{output}: {counted(len(result.files), f'{format} file')}")

@@ -113,6 +113,10 @@ class Social:
         return max(self.visits, self.joins, self.meets, self.leaves, self.sits, self.queues, self.exits) > 0.0
 
 
+# Properties of a scene that are computed once, of its robots and of its humans.
+_OF_ROBOTS = ("_views", "with_robots_as_people")
+_OF_HUMANS = ("human_table", "standing_humans", "parking", "shared_spaces")
+
 Unmeasured = Literal["robot", "goal", "headings", "heads", "seed", "outcome"]
 """Data that a recording of another program may lack; headings are the directions of pedestrians' bodies."""
 
@@ -189,11 +193,15 @@ class Scene(FloatFields, Drawable):
 
     def drawn_as(self, seed: int, episode: int, settings: dict[str, Any]) -> Scene:
         """The same layout with another origin; what was computed of the layout is kept."""
+        return self._changed(_OF_ROBOTS, seed=seed, episode=episode, settings=settings)
+
+    def _changed(self, computed: Iterable[str], **values: Any) -> Scene:
+        """A copy with other values; what was computed of the layout is kept, but for some properties."""
         scene = copy(self)
-        for name, value in (("seed", seed), ("episode", episode), ("settings", settings)):
+        for name in computed:
+            vars(scene).pop(name, None)
+        for name, value in values.items():
             object.__setattr__(scene, name, value)
-        for cached in ("_views", "with_robots_as_people"):
-            vars(scene).pop(cached, None)
         return scene
 
     def seen_by(self, robot_id: int) -> Scene:
@@ -211,16 +219,8 @@ class Scene(FloatFields, Drawable):
                 raise KeyError(f"there is no robot {robot_id}; the scene has {', '.join(map(str, self.robot_ids))}")
             others = [OtherRobot(self.robot_id, self.robot, self.goal), *(o for o in self.robots if o is not own)]
             others.sort(key=lambda other: other.id)
-            view = copy(self)  # what was computed of the layout is kept, and the views are shared
-            vars(view).pop("with_robots_as_people", None)
-            for name, value in (
-                ("robot", own.robot),
-                ("goal", own.goal),
-                ("robots", tuple(others)),
-                ("robot_id", own.id),
-            ):
-                object.__setattr__(view, name, value)
-            self._views[robot_id] = view
+            values = {"robot": own.robot, "goal": own.goal, "robots": tuple(others), "robot_id": own.id}
+            self._views[robot_id] = self._changed(["with_robots_as_people"], **values)  # the views are shared
         return self._views[robot_id]
 
     @cached_property
@@ -242,12 +242,7 @@ class Scene(FloatFields, Drawable):
             )
             for other in self.robots
         )  # fmt: skip
-        scene = copy(self)  # what was computed of the room is kept
-        for name in ("human_table", "standing_humans", "parking", "_views"):
-            vars(scene).pop(name, None)
-        object.__setattr__(scene, "humans", (*self.humans, *people))
-        object.__setattr__(scene, "robots", ())
-        return scene
+        return self._changed((*_OF_HUMANS, *_OF_ROBOTS), humans=(*self.humans, *people), robots=())
 
     @property
     def robot_ids(self) -> tuple[int, ...]:

@@ -188,9 +188,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
             observation = self.set_state(options["state"], options.get("watch"))
             return observation, {"seed": self._seed, "episode_number": self._number}
         number = options.get("episode")
-        for name, value in (("seed", seed), ("the option 'episode'", number)):
-            if value is not None and not (isinstance(value, int | np.integer) and 0 <= value <= MAX_SEED):
-                raise ValueError(f"{name} must be an integer from 0 to 2^63 - 1, got {value!r}")
+        check_numbers(seed, number)
         super().reset(seed=None if seed is None else int(seed))
         self._finish("the environment was reset")
         if seed is not None:
@@ -404,6 +402,17 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
 
             self._renderer = Renderer(self.render_mode, self._request, self.config.rules.dt)
         return self._renderer
+
+
+def check_numbers(seed: Any, episode: Any) -> None:
+    """Check the seed and the option `episode` of `reset`; None is not given.
+
+    Raises:
+        ValueError: one is no integer, or out of range.
+    """
+    for name, value in (("seed", seed), ("the option 'episode'", episode)):
+        if value is not None and not (isinstance(value, int | np.integer) and 0 <= value <= MAX_SEED):
+            raise ValueError(f"{name} must be an integer from 0 to 2^63 - 1, got {value!r}")
 
 
 def action_space_of(robot: RobotConfig) -> spaces.Box:

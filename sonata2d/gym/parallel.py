@@ -20,7 +20,7 @@ from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.load import scenario_of
 from ..sim.episode import Episode
-from .env import DEFAULT_SIZE, RenderMode, action_space_of, action_twist, first_scene, picture_request
+from .env import DEFAULT_SIZE, RenderMode, action_space_of, action_twist, check_numbers, first_scene, picture_request
 from .observation import Encoder, Order, Sizes
 from .parts import Observation
 from .recording import FolderRecorder, recording_folder
@@ -45,7 +45,7 @@ class SocialNavParallelEnv(ParallelEnv[str, Observation, Action]):  # type: igno
     the scenario contains it.
 
     Args:
-        scenario: name of a preset, path of a scenario file, or settings, whose `robots` are the agents.
+        scenario: name of a preset, path of a scenario file, or settings; all its robots are agents.
         settings, reward, sizes, order, parts, record, render_size, view: as for `SocialNavEnv`; each agent gets a
             reward object of its own if the reward is a name.
         render_mode: `rgb_array`, or `human`, which shows a window.
@@ -92,7 +92,7 @@ class SocialNavParallelEnv(ParallelEnv[str, Observation, Action]):  # type: igno
         config = scenario_of(scenario)
         self.config = config.changed(**settings) if settings else config
         self.metadata = {**self.metadata, "render_fps": max(round(1.0 / self.config.rules.dt), 1)}
-        self._robots = [self.config.robot, *(robot for robot, _, _ in self.config.tasks)]
+        self._robots = [self.config.robot, *(robot for robot, _, _ in self.config.other_tasks)]
         self.possible_agents = [f"robot_{k}" for k in range(len(self._robots))]
         self.agents: list[str] = []
         numbers = Sizes.of(self.config).changed(dict(sizes or {}))
@@ -139,6 +139,7 @@ class SocialNavParallelEnv(ParallelEnv[str, Observation, Action]):  # type: igno
         options = options or {}
         if unknown := sorted(set(options) - {"episode"}):  # no error: PettingZoo's API test gives one
             gymnasium.logger.warn(f"reset knows the option 'episode' only; {unknown[0]!r} is ignored")
+        check_numbers(seed, options.get("episode"))
         self._finish("the environment was reset")
         if seed is not None or self._seed < 0:
             self._seed, self._number = int(self._random.integers(2**31)) if seed is None else int(seed), -1

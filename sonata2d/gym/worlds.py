@@ -425,8 +425,8 @@ class _Running:
 
     @property
     def address(self) -> int:
-        """Address of the packed member; 0 in the interpreter."""
-        return self.member.argument.ctypes.data if IS_COMPILED else 0
+        """Address of the packed member."""
+        return self.member.address
 
 
 @cache

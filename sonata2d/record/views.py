@@ -11,7 +11,7 @@ _OF_FRAME = ("robot", "command", "executed", "guarded", "contacts", "label")
 
 
 def document_seen_by(document: JsonDict, robot_id: int) -> JsonDict:
-    """The document with another robot in place of the first, whose id is the key `robot_id`.
+    """The document with another robot in the place of the first one; its key `robot_id` names that robot.
 
     Args:
         document: of an episode; its parts are not copied.

@@ -24,7 +24,7 @@ _PATH_MARGIN = 0.05  # m, minimum gap between the robot and obstacles along a pa
 def reserved_outlines(config: ScenarioConfig) -> list[PlacedShape]:
     """Return the outlines that given starts and goals occupy."""
     outlines: list[PlacedShape] = []
-    for robot, goal in ((config.robot, config.goal), *((robot, goal) for robot, goal, _ in config.tasks)):
+    for robot, goal in ((config.robot, config.goal), *((robot, goal) for robot, goal, _ in config.other_tasks)):
         disc = Disc(robot.outline.inradius + _PATH_MARGIN)
         start = disc if robot.body is None else robot.outline
         places = ((start, robot.pose), (disc, goal.position))
@@ -45,14 +45,14 @@ def draw_other_robots(
         rng: random stream of the robots.
 
     Returns:
-        The robots, whose ids are 0.
+        The robots; `generate` sets their ids.
 
     Raises:
         SceneError: as `draw_robot_task`; or given starts overlap.
     """
     drawn, others = [first], list[OtherRobot]()
     _occupy(layout, *first)
-    for robot, goal, controller in config.tasks:
+    for robot, goal, controller in config.other_tasks:
         task = draw_robot_task(config.with_task(robot, goal), layout, barriers, rng)
         pose, outline = task[0].pose, task[0].outline
         for k, (other, _) in enumerate(drawn):

@@ -103,6 +103,8 @@ def test_wrong_arguments_and_actions_are_refused() -> None:
         env.step({})
     with pytest.warns(UserWarning, match="reset knows the option 'episode' only; 'state' is ignored"):
         env.reset(options={"state": 1})
+    with pytest.raises(ValueError, match="seed must be an integer from 0"):
+        env.reset(seed=-1)
     env.reset(seed=1)
     with pytest.raises(KeyError, match="step needs an action of each agent, robot_1 has none"):
         env.step({"robot_0": np.zeros(3)})

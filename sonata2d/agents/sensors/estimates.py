@@ -102,7 +102,7 @@ class PeopleSensor(Sensor):
         positive_number("distance", self.distance)
 
     def _view(self, scene: Scene) -> Callable[[Snapshot], IntArray]:
-        """A function of a snapshot: rows of `snapshot.humans` of the people whose centre is seen, (K,) of int."""
+        """A function that returns the rows of `snapshot.humans` of the people whose centre is seen, (K,) of int."""
         table, no_object, no_row = scene.human_table, np.empty((0, 2)), np.empty(0, dtype=np.int64)
         walls = np.array([(*wall.start, *wall.end) for wall in scene.walls], dtype=float).reshape(-1, 4)
         # no person is too far from straight ahead for a view all around

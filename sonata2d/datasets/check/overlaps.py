@@ -21,9 +21,11 @@ from ...core.compiled.scalar import (
 )
 from ...core.geometry import Barriers
 from ...core.humans import X, Y
+from ...core.outlines import side_lines
 from ...core.portable_math import Array, BoolArray, IntArray, unit_vectors
 from ...core.relations import ACTIVITIES
-from ...core.separation import DISTANCE, SEPARATION_SIZE, place_corners, separate
+from ...core.separation import DISTANCE, SEPARATION_SIZE, outline_gaps, place_corners, separate
+from ...core.vectors import lengths
 from ...record.motion import THETA
 from ...record.record import EpisodeRecord
 
@@ -75,24 +77,18 @@ def overlaps(record: EpisodeRecord, left_out: BoolArray, maximum: float) -> Iter
 
 def overlaps_of_robots(record: EpisodeRecord, maximum: float) -> Iterator[tuple[int, str]]:
     """Robots whose outlines overlap by more than a maximum, m: of each pair the worst tick, and the depth in words."""
-    scene, found = record.scene(), np.empty(SEPARATION_SIZE)
-    rows = [record.states.robot, *record.states.robots.swapaxes(0, 1)]
+    scene, robots = record.scene(), np.concatenate((record.states.robot[:, None], record.states.robots), axis=1)
+    position, direction = robots[..., X : Y + 1], unit_vectors(robots[..., THETA])
     for (a, (robot, _)), (b, (other, _)) in combinations(enumerate(scene.tasks), 2):
-        core, corners = np.array(robot.outline.core), np.array(robot.outline.core)
-        other_core, other_corners = np.array(other.outline.core), np.array(other.outline.core)
-        radii, worst = robot.outline.rounding + other.outline.rounding, (0.0, 0)
-        offset = np.hypot(*(rows[a] - rows[b])[:, :2].T)
-        for t in np.flatnonzero(offset < robot.radius + other.radius).tolist():
-            headings = unit_vectors(np.array([rows[a][t, THETA], rows[b][t, THETA]]))
-            (x, y), (u, v), (c, s), (d, e) = rows[a][t, :2], rows[b][t, :2], headings[0], headings[1]
-            place_corners(core, x, y, c, s, corners)
-            place_corners(other_core, u, v, d, e, other_corners)
-            for start, end in zip(other_corners, np.roll(other_corners, -1, axis=0), strict=True):
-                separate(corners, start[0], start[1], end[0], end[1], found)
-                worst = max(worst, (radii - float(found[DISTANCE]), t))
-        if worst[0] > maximum:
+        near = np.flatnonzero(lengths(position[:, a] - position[:, b]) < robot.radius + other.radius)
+        if not len(near):
+            continue
+        sides = side_lines(other.outline, position[near, b], direction[near, b])
+        depth = -outline_gaps(robot.outline, position[near, a], direction[near, a], sides).min(axis=1)
+        worst = int(np.argmax(depth))
+        if depth[worst] > maximum:
             ids = scene.robot_ids
-            yield worst[1], f"robot {ids[a]} is {worst[0]:.3f} m too deep in robot {ids[b]}"
+            yield int(near[worst]), f"robot {ids[a]} is {depth[worst]:.3f} m too deep in robot {ids[b]}"
 
 
 @kernel

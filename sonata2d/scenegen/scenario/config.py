@@ -305,7 +305,7 @@ class ScenarioConfig(Settings):
         return {name: getattr(self, key, IntRange(0, 0)) for name, key in count_keys().items()}
 
     @property
-    def tasks(self) -> list[tuple[RobotConfig, GoalConfig, str]]:
+    def other_tasks(self) -> list[tuple[RobotConfig, GoalConfig, str]]:
         """Robot, goal and controller of each other robot."""
         return [(other, other.goal, other.controller) for other in self.robots for _ in range(other.count)]
 

@@ -1,4 +1,4 @@
-"""The safety guard of robots that are no discs, whose drive turns only as it moves, or that are not alone.
+"""The safety guard of robots that are not discs, that turn only as they move, or that share a scene with other robots.
 
 As `safety.limited` for a disc, with three differences: an outline that turns moves its corners; after velocity and turn
 rate were limited by the nearest points, the pose at the end of the substep is tried; and the outlines of other robots
