@@ -105,6 +105,8 @@ def _plugins() -> dict[str, Finding]:
     loaders = (
         (registry.CONTROLLERS, "sonata2d.agents.controllers.loading:find_controller"),
         (registry.PEDESTRIAN_MODELS, "sonata2d.agents.pedestrians.models.base:pedestrian_model"),
+        (registry.DRIVES, "sonata2d.registry:drive_class"),
+        (registry.SENSORS, "sonata2d.agents.sensors.base:sensor_class"),
         (registry.FORMATS, "sonata2d.formats.api:format_named"),
         (registry.METRICS, f"{__name__}:_load_metric"),
         (registry.ROOM_KINDS, "sonata2d.scenegen.floor_plans:load_room_kind"),

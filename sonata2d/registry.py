@@ -1,10 +1,10 @@
 """Named objects: built-in ones, and plug-ins that installed packages publish as entry points.
 
 These kinds can be extended by other packages, each through an entry-point group: controllers (`sonata2d.controllers`),
-pedestrian models (`sonata2d.pedestrian_models`), drives of robots (`sonata2d.drives`), formats (`sonata2d.formats`),
-metrics (`sonata2d.metrics`), room kinds (`sonata2d.room_kinds`), question kinds (`sonata2d.question_kinds`), parts of
-observations (`sonata2d.observation_parts`) and types of furniture (`sonata2d.furniture_types`). CONTRIBUTING.md
-describes the entry points of each group.
+pedestrian models (`sonata2d.pedestrian_models`), drives and sensors of robots (`sonata2d.drives`, `sonata2d.sensors`),
+formats (`sonata2d.formats`), metrics (`sonata2d.metrics`), room kinds (`sonata2d.room_kinds`), question kinds
+(`sonata2d.question_kinds`), parts of observations (`sonata2d.observation_parts`) and types of furniture
+(`sonata2d.furniture_types`). CONTRIBUTING.md describes the entry points of each group.
 
 Listing names imports nothing; an object is imported when it is loaded.
 """
@@ -224,6 +224,19 @@ DRIVES = Registry(
     ConfigError,
 )
 
+_SENSORS = "sonata2d.agents.sensors"
+SENSORS = Registry(
+    "sensor",
+    "sonata2d.sensors",
+    {
+        "lidar": f"{_SENSORS}.lidar:Lidar",
+        "odometry": f"{_SENSORS}.estimates:Odometry",
+        "people-detector": f"{_SENSORS}.estimates:PeopleDetector",
+        "field-of-view": f"{_SENSORS}.estimates:FieldOfView",
+    },
+    ControllerError,
+)
+
 FORMATS = Registry(
     "format",
     "sonata2d.formats",
@@ -321,7 +334,7 @@ def furniture_types() -> dict[str, FurnitureType]:
 _REGISTRIES = {
     registry.kind: registry
     for registry in (
-        *(CONTROLLERS, PEDESTRIAN_MODELS, DRIVES, FORMATS, METRICS, ROOM_KINDS),
+        *(CONTROLLERS, PEDESTRIAN_MODELS, DRIVES, SENSORS, FORMATS, METRICS, ROOM_KINDS),
         *(QUESTION_KINDS, OBSERVATION_PARTS, FURNITURE_TYPES),
     )
 }

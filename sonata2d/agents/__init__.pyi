@@ -11,7 +11,7 @@ from .controllers.teleoperation import (
     Teleoperation as Teleoperation,
 )
 from .drives.base import Drive as Drive
-from .sensors.base import Sensor as Sensor
+from .sensors.base import Reading as Reading, Sensor as Sensor
 from .sensors.camera import Camera as Camera
 from .sensors.estimates import (
     FieldOfView as FieldOfView,

@@ -100,6 +100,10 @@ class Journal:
         command = frame.command
         row: JsonDict = {"command": [command.vx, command.vy, command.omega], "events": _rows(frame.snapshot.events)}
         row |= {"dropped": self.dropped_ticks} if self.dropped_ticks else {}
+        if frame.others:
+            row["others"] = [
+                [twist.vx, twist.vy, twist.omega, to_json_value(label, "label")] for twist, label in frame.others
+            ]
         self._write(row if frame.label is None else row | {"label": to_json_value(frame.label, "label")})
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:
@@ -178,7 +182,7 @@ def read_journal(path: Path) -> OpenRun | None:
     try:
         header, *rows = list(_parsed(path, lines)) or [{}]
         ticks = [
-            TickInput(Twist(*row["command"]), row.get("label"), _events(row["events"]))
+            TickInput(Twist(*row["command"]), row.get("label"), _events(row["events"]), _others(row.get("others", ())))
             for row in rows
             if "command" in row
         ]
@@ -203,6 +207,11 @@ def _parsed(path: Path, lines: list[bytes]) -> Iterator[JsonDict]:
             if number >= len(lines) - 1:
                 return
             raise RecordError(f"{path}, line {number} is damaged") from error
+
+
+def _others(rows: Iterable[list[Any]]) -> tuple[tuple[Twist, Any], ...]:
+    """Commands and labels of the other robots."""
+    return tuple((Twist(vx, vy, omega), label) for vx, vy, omega, label in rows)
 
 
 def _rows(events: Iterable[DeviceEvent]) -> list[list[Any]]:

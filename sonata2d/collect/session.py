@@ -22,7 +22,7 @@ from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.driver import controller_info_of
-from ..sim.episode import Episode, outcome_at
+from ..sim.episode import Episode
 from ..sim.inputs import TickInput
 from ..version import PHYSICS_VERSION
 from .collection import Collection
@@ -283,7 +283,9 @@ class Session:
         if self.ticks:
             raise ValueError("another run has begun; end it before taking back the last one")
         record = read_episode(self._collection.last_kept)
-        ticks = [TickInput(frame.command, frame.label, frame.snapshot.events) for frame in record.frames()]
+        ticks = [
+            TickInput(frame.command, frame.label, frame.snapshot.events, frame.others) for frame in record.frames()
+        ]
         header = self._header(record.scene(), record.scene().settings or {}, record.controller_info.settings or {})
         name, waiting = record.path.name, (self.scene, self._run_config)
         # The journal is complete before the file moves, and does not count before: a crash loses or doubles no run.
@@ -404,7 +406,7 @@ class Session:
             for (device, control), value in last_values.items()
             if device != NETWORK_DEVICE and (value != 0.0 or device == LABEL_DEVICE)
         )
-        if outcome_at(self.after) is not None:  # the crash came before the tick that ends the run
+        if self._episode.ends_here:  # the crash came before the tick that ends the run
             self.tick()
         return duration
 

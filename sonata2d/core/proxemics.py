@@ -44,9 +44,9 @@ def clearance(snapshot: Snapshot) -> float:
 
 
 def touched_kind(snapshot: Snapshot) -> str | None:
-    """Kind of outline that the robot touches: the first of `human`, `object` and `wall`; None for nothing."""
+    """Kind of outline that the robot touches: the first of `human`, `robot`, `object` and `wall`; None for nothing."""
     touched = {contact.kind for contact in snapshot.contacts}
-    return next((kind for kind in ("human", "object", "wall") if kind in touched), None)
+    return next((kind for kind in ("human", "robot", "object", "wall") if kind in touched), None)
 
 
 def obstacle_clearance(snapshot: Snapshot) -> float:
@@ -57,3 +57,8 @@ def obstacle_clearance(snapshot: Snapshot) -> float:
     if len(snapshot.robot.body.outline.core) > 1:
         return float(_gaps(snapshot.robot, barriers.table[:, :5]).min())
     return float(barriers.gaps(np.array([snapshot.robot.position])).min()) - snapshot.robot.radius
+
+
+def waits_for_others(snapshot: Snapshot) -> bool:
+    """Whether the robot is at its goal, in an episode that goes on until other robots have arrived too."""
+    return bool(snapshot.robots) and snapshot.goal.is_reached(snapshot.robot.pose)

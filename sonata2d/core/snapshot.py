@@ -309,12 +309,15 @@ class Frame:
         command: of the controller, body frame.
         label: of the controller.
         others: commands and labels of the controllers of the other robots.
+        readings: of each robot, the first one first, the readings that arrived at this tick from sensors that are
+            recorded, by name, as files hold them; empty if no sensor is recorded.
     """
 
     snapshot: Snapshot
     command: Twist
     label: Any = None
     others: tuple[tuple[Twist, Any], ...] = ()
+    readings: tuple[dict[str, Any], ...] = ()
 
 
 class Frames(NamedTuple):
@@ -361,6 +364,7 @@ class ControllerInfo:
         version: of the controller.
         settings: from which the controller can be reconstructed.
         labels: meaning of each label by name.
+        sensors: those whose readings are recorded: name, type and settings of each.
         others: controllers of the other robots, in the order of `scene.robots`.
     """
 
@@ -368,6 +372,7 @@ class ControllerInfo:
     version: str | None = None
     settings: dict[str, Any] | None = None
     labels: dict[str, str] | None = None
+    sensors: tuple[dict[str, Any], ...] = ()
     others: tuple[ControllerInfo, ...] = ()
 
 

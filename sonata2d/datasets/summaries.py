@@ -36,7 +36,7 @@ class ContactSummary:
     Attributes:
         episodes, frames: number of episodes whose contacts are counted, and of their frames.
         uncounted_episodes: number of the other episodes: imported ones.
-        by_kind: contacts with any outline, a human, an object or a wall; kinds without a contact are left out.
+        by_kind: contacts with any outline, a human, an object, a wall or a robot; kinds without a contact are left out.
     """
 
     episodes: int

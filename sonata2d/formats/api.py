@@ -288,7 +288,9 @@ def _converted(
     chosen = format_named(name)
     assert chosen.export is not None
     try:
-        record = of_one_robot(read_episode(file), options, ends_on_arrival="robot" in chosen.options)
+        record = read_episode(file)
+        if not chosen.holds_robots:
+            record = of_one_robot(record, options, ends_on_arrival="robot" in chosen.options)
         data = chosen.export(record, options)
         note = chosen.note(record, options) if chosen.note else None
     except RecordError as error:
@@ -300,7 +302,9 @@ def _converted(
 def _packed(name: str, key: Callable[[Path], str], file: Path) -> tuple[Any, RecordError | None]:
     """The rows of an episode in the form that the format needs, or the error if it cannot be read."""
     try:
-        record = of_one_robot(read_episode(file), _DEFAULT_OPTIONS, ends_on_arrival=False)
+        record = read_episode(file)
+        if not format_named(name).holds_robots:
+            record = of_one_robot(record, _DEFAULT_OPTIONS, ends_on_arrival=False)
         return _tables(name).pack(record, key(file)), None
     except RecordError as error:
         return None, error

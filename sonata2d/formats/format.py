@@ -91,6 +91,7 @@ class Format:
             cannot hold.
         tables: writes tables of all episodes, or of parts of large data sets.
         note: a remark on the exported file of an episode, for the caller; None if there is nothing to remark.
+        holds_robots: whether it holds several robots; for others, the other robots are people.
         options: names of the fields of `Options` that the format uses; others are refused.
         other_suffixes: of more files that are read.
 
@@ -105,6 +106,7 @@ class Format:
     export: Export | None = None
     tables: Tables | None = None
     note: Callable[[EpisodeRecord, Options], str | None] | None = None
+    holds_robots: bool = False
     options: frozenset[str] = frozenset()
     other_suffixes: tuple[str, ...] = ()
 

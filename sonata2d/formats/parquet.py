@@ -3,7 +3,7 @@
 | table | one row per | columns |
 | --- | --- | --- |
 | `episodes` | episode | family, seed, outcome, … and `header`, the other keys of the episode file as JSON |
-| `frames` | frame, and the final state | time, robot, command, executed, guarded; contacts, events, label as JSON |
+| `frames` | frame, and the final state | time, robot, command, …; as JSON: contacts, robots, events, label, sensors |
 | `agents` | pedestrian present in a frame | pose, velocity, head, activity, radius, breadth |
 | `interactions` | interaction in a frame | src, relation, dst |
 
@@ -39,6 +39,7 @@ from .importing import document_of, parsing
 
 NAME = "parquet"
 _ROW_GROUP, _GROUP_BYTES = 100_000, 1 << 24  # rows and bytes of a row group
+_NEWER_KEYS = ("robots", "sensors")  # columns of `frames` that older tables do not have
 _JOINED = 64  # tables of episodes that are joined at a time
 
 
@@ -266,7 +267,9 @@ def _sorted_table(pa: Any, pq: Any, path: Path, name: str) -> Any:
         table, schema = pq.read_table(file, page_checksum_verification=True), _schemas(pa)[name]
     for column in schema:
         if column.name not in table.column_names:
-            raise KeyError(f"column {column.name} of {path.name}")
+            if column.name not in _NEWER_KEYS:
+                raise KeyError(f"column {column.name} of {path.name}")
+            table = table.append_column(column, pa.nulls(len(table), column.type))
     keys = [("episode_id", "ascending")] + ([] if name == "episodes" else [("tick", "ascending")])
     return table.select(schema.names).cast(schema).sort_by(keys)
 
@@ -322,4 +325,5 @@ FORMAT = Format(
     ".parquet",
     import_,
     tables=Tables(pack, write, finish),
+    holds_robots=True,
 )

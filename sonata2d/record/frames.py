@@ -7,18 +7,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..core.bounds import MAX_MAGNITUDE
 from ..core.devices import DeviceEvent
 from ..core.entities import Human, Interaction
 from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, Y
 from ..core.portable_math import Array, BoolArray, IntArray, arctan2
 from ..core.snapshot import Contact, Frames, Snapshot
 from ..core.state import EXECUTED_VX, GUARDED, HUMAN_SIZE, ROBOT_SIZE
-from .canonical import dumps, require_finite, rounded, rounded_rows
+from .canonical import dumps, require_finite, rounded, rounded_rows, to_json_value
 from .layout import ABSENT, COMMAND_NAMES, HUMAN_ANGLES, HUMAN_NAMES, ROBOT_ANGLES, ROBOT_NAMES, interaction_rows
 
 Command = Sequence[float]  # vx, vy, omega
-# Of a frame: command, label as a JSON value, and the same of the other robots.
-Answer = tuple[Command, Any, tuple[tuple[Command, Any], ...]]
+# Of a frame: command, label as a JSON value, the same of the other robots, and `readings_json` of all robots.
+Answer = tuple[Command, Any, tuple[tuple[Command, Any], ...], tuple[bytes, ...]]
 
 
 class Segment(NamedTuple):
@@ -74,10 +75,10 @@ _EXECUTED = slice(EXECUTED_VX, EXECUTED_VX + 3)
 _STATE = b'{"tick":%b,"time":%b,"robot":%b,"humans":%b,"activity":%b,"interactions":%b,"contacts":%b%b%b}'
 _FRAME = (
     b'{"tick":%b,"time":%b,"robot":%b,"command":%b,"executed":%b,"guarded":%b,"humans":%b,"activity":%b,'
-    b'"interactions":%b,"contacts":%b%b,"events":%b%b}'
+    b'"interactions":%b,"contacts":%b%b,"events":%b%b%b}'
 )
 # of another robot: the keys that the frame has for the first one
-_OTHER = b'{"robot":%b,"command":%b,"executed":%b,"guarded":%b,"contacts":%b%b}'
+_OTHER = b'{"robot":%b,"command":%b,"executed":%b,"guarded":%b,"contacts":%b%b%b}'
 _OTHER_STATE = b'{"robot":%b,"contacts":%b}'
 _NULL_ROW = dumps([None] * len(HUMAN_NAMES))
 
@@ -118,7 +119,7 @@ def frame_lines(segments: Sequence[Segment], answers: Sequence[Answer], ids: lis
         each = [nobody if segment.is_present is None else ~segment.is_present for segment in segments]
         absent = np.repeat(each, lengths, axis=0)
     robot, executed, humans = _rounded_columns(table, absent, ids, tick[0])
-    command = np.array([command for command, _, _ in answers], dtype=float).reshape(-1, 3)
+    command = np.array([answer[0] for answer in answers], dtype=float).reshape(-1, 3)
     require_finite(command, COMMAND_NAMES, "the command", tick=tick[0])
     others, others_at_end = _others(table[:, ROBOT_SIZE + HUMAN_SIZE * len(ids) :], segments, answers, lengths)
     time = rounded(np.array([time for segment in segments for time in segment.times], dtype=float))
@@ -140,7 +141,8 @@ def frame_lines(segments: Sequence[Segment], answers: Sequence[Answer], ids: lis
         "contacts": _repeated([segment.contacts for segment in segments], list, lengths),
         "robots": others,
         "events": events,
-        "label": [_label(label) for _, label, _ in answers],
+        "label": [_label(answer[1]) for answer in answers],
+        "sensors": [_readings_of(0, answer) for answer in answers],
     }
     # the last state belongs to no frame: the shorter columns end before it
     frames = [_FRAME % values for values in zip(*columns.values(), strict=False)]
@@ -151,6 +153,35 @@ def frame_lines(segments: Sequence[Segment], answers: Sequence[Answer], ids: lis
 
 def _label(label: Any) -> bytes:
     return b"" if label is None else b',"label":' + dumps(label)
+
+
+def readings_json(readings: dict[str, Any], tick: int) -> bytes:
+    """The end of a frame with readings of sensors; empty if there are none.
+
+    Args:
+        readings: by name, see `Frame.readings`.
+        tick: of the frame.
+
+    Raises:
+        RecordError: JSON cannot represent one.
+    """
+    if not readings:
+        return b""
+    values = {name: _reading(value, f"the reading {name} at tick {tick}") for name, value in readings.items()}
+    return b',"sensors":' + dumps(values)
+
+
+def _reading(value: Any, place: str) -> Any:
+    """A reading, rounded; arrays of floats are kept, since they are serialised faster than lists."""
+    if isinstance(value, dict):
+        return {key: _reading(item, place) for key, item in value.items()}
+    if isinstance(value, np.ndarray) and value.dtype == np.float64 and not (np.abs(value) > MAX_MAGNITUDE).any():
+        return np.ascontiguousarray(rounded(value))
+    return to_json_value(value, place)
+
+
+def _readings_of(robot: int, answer: Answer) -> bytes:
+    return answer[3][robot] if answer[3] else b""
 
 
 def _others(
@@ -173,7 +204,7 @@ def _others(
     for k in range(count):
         rows = table[:, ROBOT_SIZE * k : ROBOT_SIZE * (k + 1)]
         robot, executed, _ = _rounded_columns(rows, None, [], tick)
-        command = np.array([others[k][0] for _, _, others in answers], dtype=float).reshape(-1, 3)
+        command = np.array([answer[2][k][0] for answer in answers], dtype=float).reshape(-1, 3)
         require_finite(command, COMMAND_NAMES, "the command", tick=tick)
         states = _items(robot)
         contacts = _repeated([segment.contacts_of_robots[k] for segment in segments], list, lengths)
@@ -183,7 +214,8 @@ def _others(
             _items(executed[1:]),
             [b"true" if guarded else b"false" for guarded in rows[1:, GUARDED].tolist()],
             contacts,
-            [_label(others[k][1]) for _, _, others in answers],
+            [_label(answer[2][k][1]) for answer in answers],
+            [_readings_of(k + 1, answer) for answer in answers],
         )
         of_frames.append([_OTHER % values for values in zip(*columns, strict=False)])
         at_end.append(_OTHER_STATE % (states[-1], contacts[-1]))

@@ -159,6 +159,24 @@ class Controller(Part):
     settings: dict[str, Any] | None = Field(description="its settings, not rounded")
 
 
+class Sensor(Part):
+    """A sensor of the robot whose readings are recorded."""
+
+    name: str
+    type: str = Field(description="registered name, or package.module:Class")
+    settings: dict[str, Any] = Field(description="its settings, not rounded")
+
+
+_Sensors = Annotated[
+    list[Sensor] | None,
+    Field(description="sensors of this robot whose readings are recorded; absent if there are none"),
+]
+_Readings = Annotated[
+    dict[str, Any] | None,
+    Field(description="of this robot's sensors, those that arrived at this tick, by name; absent if none did"),
+]
+
+
 class OtherRobot(Part):
     """A robot besides the first one. Its keys but the id are those that the file has for the first robot."""
 
@@ -167,6 +185,7 @@ class OtherRobot(Part):
     goal: _InFile[Goal]
     controller: Controller
     labels: dict[str, str] | None
+    sensors: _Sensors = None
 
 
 class Branch(Part):
@@ -261,6 +280,7 @@ class OtherFrame(OtherState):
     executed: _TwistRow = Field(description="mean velocity of the robot in the tick that begins here: vx, vy, omega")
     guarded: bool = Field(description="whether the safety guard intervened during the tick that begins here")
     label: Any = Field(default=None, description="any JSON value; without this key the command itself is the label")
+    sensors: _Readings = None
 
 
 class State(Part):
@@ -303,6 +323,7 @@ class Frame(State):
     guarded: bool = Field(description="whether the safety guard intervened during the tick that begins here")
     events: list[_Event] = Field(description="of input devices, since the previous frame")
     label: Any = Field(default=None, description="any JSON value; without this key the command itself is the label")
+    sensors: _Readings = None
     robots: list[OtherFrame] | None = Field(
         default=None, description="the other robots, in the order of the top-level `robots`; absent if there are none"
     )
@@ -354,6 +375,7 @@ class Episode(Part):
     dropped: list[str] = Field(description="requested items that could not be placed")
     controller: Controller
     labels: dict[str, str] | None = Field(description="meaning of the labels' keys; null: the command is the label")
+    sensors: _Sensors = None
     label_spec: _AskedLabel | None = Field(
         default=None, description="the label that the driver was asked for; absent if there was none"
     )

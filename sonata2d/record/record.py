@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, SupportsIndex, overload
+from typing import TYPE_CHECKING, Any, SupportsIndex, overload
 
 import numpy as np
 
@@ -40,6 +41,9 @@ from .layout import (
     scene_from_json,
 )
 from .views import document_seen_by, document_until_arrival
+
+if TYPE_CHECKING:
+    from ..agents.sensors.base import Readings, Sensor
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -344,7 +348,38 @@ class EpisodeRecord(Drawable):
             interactions=interactions_from_rows(state["interactions"]),
             contacts=tuple(_contact(row) for row in state["contacts"]),
             events=events_of(state),
+            sensors=self._readings_at(t) if self.sensors else None,
         )
+
+    @cached_property
+    def sensors(self) -> dict[str, Sensor | None]:
+        """The sensors of the robot whose readings are recorded, by name; None for one whose type is not registered.
+
+        Their readings are `snapshot.sensors`, as the controller got them, at the precision of files; those of a sensor
+        that is not registered are JSON values.
+        """
+        from ..agents.sensors.base import sensor_from  # most files have no readings, and are read without sensors
+
+        return {each["name"]: sensor_from(each) for each in self.document.get("sensors") or ()}
+
+    @cached_property
+    def _arrivals(self) -> dict[str, list[int]]:
+        """Numbers of the frames in which readings of each sensor arrived."""
+        frames = self.document["frames"]
+        return {
+            name: [t for t, frame in enumerate(frames) if name in (frame.get("sensors") or ())] for name in self.sensors
+        }
+
+    def _readings_at(self, t: int) -> Readings:
+        """The last readings until a frame."""
+        from ..agents.sensors.base import Readings
+
+        readings: dict[str, Any] = {}
+        for name, sensor in self.sensors.items():
+            number = bisect_right(self._arrivals[name], t)
+            value = self.document["frames"][self._arrivals[name][number - 1]]["sensors"][name] if number else None
+            readings[name] = value if value is None or sensor is None else sensor.from_json(value, self._present_humans)
+        return Readings(readings)
 
     def snapshots(self) -> Iterator[Snapshot]:
         """Iterate over the T + 1 snapshots, the final state last."""
@@ -352,9 +387,12 @@ class EpisodeRecord(Drawable):
 
     def frames(self) -> Iterator[Frame]:
         """Iterate over the T frames; the label is None where a frame has none."""
+        is_sensing = any(robot.get("sensors") for robot in (self.document, *(self.document.get("robots") or ())))
         for t, frame in enumerate(self.document["frames"]):
             others = tuple((Twist(*other["command"]), other.get("label")) for other in frame.get("robots") or ())
-            yield Frame(self.snapshot(t), Twist(*self.command[t].tolist()), frame.get("label"), others)
+            robots = (frame, *(frame.get("robots") or ())) if is_sensing else ()
+            readings = tuple(robot.get("sensors") or {} for robot in robots)
+            yield Frame(self.snapshot(t), Twist(*self.command[t].tolist()), frame.get("label"), others, readings)
 
     def _robot_state(self, t: int) -> RobotState:
         x, y, theta, vx, vy, omega = self.states.robot[t].tolist()
@@ -432,7 +470,8 @@ def _(record: EpisodeRecord) -> Drawing:
 def _controller_info(robot: JsonDict) -> ControllerInfo:
     """The controller of a robot by its keys in a document."""
     controller = robot["controller"]
-    return ControllerInfo(controller["path"], controller["version"], controller["settings"], robot["labels"])
+    sensors = tuple(robot.get("sensors") or ())
+    return ControllerInfo(controller["path"], controller["version"], controller["settings"], robot["labels"], sensors)
 
 
 def _other_robot(other: OtherRobot, now: JsonDict, before: JsonDict) -> RobotState:

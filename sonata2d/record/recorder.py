@@ -29,7 +29,7 @@ from ..version import FORMAT, PHYSICS_VERSION
 from .canonical import Document, rounded, to_json_value
 from .counts import merged_counts, run_counts
 from .files import file_stem, write_document
-from .frames import Answer, Segment, frame_lines, never_entered, segment_of
+from .frames import Answer, Command, Segment, frame_lines, never_entered, readings_json, segment_of
 from .layout import JsonDict, columns, format_version, software_versions
 from .record import EpisodeRecord, record_from_document
 from .validate import consistent_scene
@@ -111,7 +111,7 @@ class EpisodeRecorder:
         """Record one tick.
 
         Raises:
-            RecordError: JSON cannot represent the label.
+            RecordError: JSON cannot represent the label, or a reading of a sensor.
         """
         snapshot, label, command = frame.snapshot, frame.label, frame.command
         if label is not None:
@@ -120,7 +120,8 @@ class EpisodeRecorder:
             ((twist.vx, twist.vy, twist.omega), to_json_value(its_label, f"label at tick {snapshot.tick}"))
             for twist, its_label in frame.others
         )
-        self._add(segment_of(snapshot), [((command.vx, command.vy, command.omega), label, others)])
+        readings = tuple(readings_json(each, snapshot.tick) for each in frame.readings)
+        self._add(segment_of(snapshot), [((command.vx, command.vy, command.omega), label, others, readings)])
 
     def on_frames(self, frames: Frames) -> None:
         """Record many ticks.
@@ -137,9 +138,9 @@ class EpisodeRecorder:
             except RecordError:
                 self._cut = segment.part(n, n + 1)
                 if n:
-                    self._add(segment.part(0, n), [*zip(commands[:n], labels[:n], repeat(()), strict=False)])
+                    self._add(segment.part(0, n), _answers(commands[:n], labels[:n]))
                 raise
-        self._add(segment, [*zip(commands, labels, repeat(()), strict=False)])
+        self._add(segment, _answers(commands, labels))
 
     def close(self, last: Snapshot, outcome: Outcome) -> None:
         """End the episode with its final state."""
@@ -205,7 +206,7 @@ class EpisodeRecorder:
     @staticmethod
     def _counts_of(scene: Scene, segments: Sequence[Segment], answers: Sequence[Answer]) -> JsonDict:
         """Counts of some states and answers."""
-        commands = np.array([command for command, _, _ in answers], dtype=float)
+        commands = np.array([answer[0] for answer in answers], dtype=float)
         touching = (segment for segment in segments if segment.contacts)
         contacts = chain.from_iterable(repeat(segment.contacts, len(segment.rows)) for segment in touching)
         return run_counts(scene.robot, contacts, rounded(commands.reshape(-1, 3)))
@@ -301,8 +302,13 @@ class EpisodeRecorder:
         }
 
 
+def _answers(commands: list[Command], labels: list[Any]) -> list[Answer]:
+    """The answers of one robot without recorded sensors."""
+    return [(command, label, (), ()) for command, label in zip(commands, labels, strict=True)]
+
+
 def _controller_keys(info: ControllerInfo) -> JsonDict:
-    """The keys of a robot's controller."""
+    """The keys of a robot's controller and its recorded sensors."""
     return {
         "controller": {
             "path": info.path,
@@ -310,6 +316,7 @@ def _controller_keys(info: ControllerInfo) -> JsonDict:
             "settings": to_json_value(info.settings, "settings of the controller", exact=True),
         },
         "labels": to_json_value(info.labels, "meaning of the labels"),
+        **({"sensors": to_json_value(info.sensors, "settings of the sensors", exact=True)} if info.sensors else {}),
     }
 
 

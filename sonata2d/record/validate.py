@@ -7,23 +7,28 @@ lengths that must agree, and numbers within the range of the computations.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import orjson
 
 from ..core.entities import ROBOT_ID, is_seat_by_type
 from ..core.files.limits import MAX_COUNT
+from ..core.humans import Humans
 from ..core.labels import LabelSpec
 from ..core.relations import ACTIVITIES, RELATIONS
 from ..core.scene import Scene
-from ..core.wording import shown
-from ..errors import InvalidFileError, RecordError
+from ..core.state import HUMAN_SIZE
+from ..core.wording import described, shown
+from ..errors import InvalidFileError, RecordError, Sonata2dError
 from .layout import ABSENT, COLUMNS, JsonDict, scene_to_json
 
 if TYPE_CHECKING:
+    from ..agents.sensors.base import Sensor
     from .models import Part
 
 Finding = tuple[str, str]  # place, such as `frames.3.robot`, and what is wrong
@@ -106,19 +111,26 @@ def _content_findings(document: JsonDict) -> Iterator[Finding]:
     yield from _label_findings(document)
     yield from _state_findings(document, states)
     yield from _reference_findings(document, states)
+    if any(_has_readings(part) for part in (document, *document["frames"])):
+        yield from _sensor_findings(document)
     for index, _ in (document.get("mirrored_from") or {}).get("thetas", ()):
         if not 0 <= index < len(document["objects"]):
             yield "mirrored_from.thetas", f"there is no object at index {index}"
 
 
 def _depth_findings(document: JsonDict) -> Iterator[Finding]:
-    """Labels, settings and unknown keys may have any structure, but it must be possible to write them again."""
+    """Labels, readings, settings and unknown keys of any structure must be possible to write again."""
     parts = {key: value for key, value in document.items() if key not in ("frames", "final")}
-    for key, value in (parts | {"frames": [frame.get("label") for frame in document["frames"]]}).items():
+    for key, value in (parts | {"frames": [_free_values(frame) for frame in document["frames"]]}).items():
         try:
             orjson.dumps(value)
         except orjson.JSONEncodeError:
             yield key, "values are nested more than 250 deep"
+
+
+def _free_values(frame: JsonDict) -> list[Any]:
+    """The values in a frame that may have any structure."""
+    return [robot.get(key) for robot in (frame, *(frame.get("robots") or ())) for key in ("label", "sensors")]
 
 
 def _id_findings(document: JsonDict) -> Iterator[Finding]:
@@ -222,6 +234,62 @@ def _state_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Find
         if (None in rows or ABSENT in activity) and [r is None for r in rows] != [i == ABSENT for i in activity]:
             yield f"frames.{t}.humans", "must be null for people that are not present (activity -1), and only for these"
             return
+
+
+def _has_readings(part: JsonDict) -> bool:
+    """Whether a document, or a frame, has sensors or readings of a robot."""
+    return "sensors" in part or any("sensors" in robot for robot in part.get("robots") or ())
+
+
+def _sensor_findings(document: JsonDict) -> Iterator[Finding]:
+    """Readings must be those of the sensors that the document names."""
+    from ..agents.sensors.base import sensor_from  # most files have no readings, and are read without sensors
+
+    humans_at = partial(_people_at, document)
+    for k, robot in enumerate((document, *(document.get("robots") or ()))):
+        place, definitions = f"robots.{k - 1}." if k else "", robot.get("sensors") or ()
+        sensors: dict[str, Sensor | None] = {}
+        for definition in definitions:
+            try:
+                sensors[definition["name"]] = sensor_from(definition)
+            except (TypeError, ValueError, Sonata2dError) as error:
+                yield f"{place}sensors", f"{definition['name']}: {error}"
+                return
+        if len(sensors) < len(definitions):
+            yield f"{place}sensors", "two have the same name"
+        for t, frame in enumerate(document["frames"]):
+            states = (frame, *(frame.get("robots") or ()))
+            if k >= len(states):
+                return  # as another finding says
+            if message := _reading_problem(states[k].get("sensors") or {}, sensors, t, humans_at):
+                yield f"frames.{t}.{place}sensors", message
+                return
+
+
+def _reading_problem(
+    readings: JsonDict, sensors: dict[str, Sensor | None], tick: int, humans_at: Callable[[int], Humans]
+) -> str:
+    """Why readings cannot be those of sensors; empty if they can."""
+    for name, value in readings.items():
+        if name not in sensors:
+            return f"there is no sensor {name!r}"
+        measured = value.get("tick", 0) if isinstance(value, dict) else 0
+        if not isinstance(measured, int) or not 0 <= measured <= tick:
+            return f"{name}: tick must be 0 to {tick}, is {shown(measured)}"
+        try:
+            if sensor := sensors[name]:
+                sensor.from_json(value, humans_at)
+        except (KeyError, TypeError, ValueError) as error:
+            return f"{name}: {described(error)}"
+    return ""
+
+
+def _people_at(document: JsonDict, tick: int) -> Humans:
+    """The people present at a tick, by their ids only."""
+    activity = document["frames"][tick]["activity"]
+    ids = [human["id"] for human, each in zip(document["humans"], activity, strict=True) if each != ABSENT]
+    zeros = np.zeros(len(ids))
+    return Humans(np.zeros((len(ids), HUMAN_SIZE)), np.array(ids, dtype=int), zeros, zeros, zeros.astype(int))
 
 
 def _reference_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Finding]:

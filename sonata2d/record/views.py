@@ -6,8 +6,8 @@ from ..core.entities import ROBOT_ID
 from ..core.geometry import quantised
 from .layout import JsonDict
 
-_OF_ROBOT = ("robot", "goal", "controller", "labels")  # top-level keys that each other robot has too
-_OF_FRAME = ("robot", "command", "executed", "guarded", "contacts", "label")
+_OF_ROBOT = ("robot", "goal", "controller", "labels", "sensors")  # top-level keys that each other robot has too
+_OF_FRAME = ("robot", "command", "executed", "guarded", "contacts", "label", "sensors")
 
 
 def document_seen_by(document: JsonDict, robot_id: int) -> JsonDict:
@@ -29,10 +29,11 @@ def document_seen_by(document: JsonDict, robot_id: int) -> JsonDict:
         raise KeyError(f"there is no robot {robot_id}; the episode has {', '.join(map(str, [own, *ids]))}")
     all_ids = [own, *ids]
     order = [all_ids.index(id) for id in (robot_id, *sorted(id for id in all_ids if id != robot_id))]
-    everyone = [{"id": own, **{key: document[key] for key in _OF_ROBOT}}, *robots]
+    everyone = [{"id": own, **{key: document[key] for key in _OF_ROBOT if key in document}}, *robots]
     arrivals = document["outcome"]["arrivals"]
-    view: JsonDict = document | {
-        **{key: everyone[order[0]][key] for key in _OF_ROBOT},
+    kept = {key: value for key, value in document.items() if key != "sensors"}
+    view: JsonDict = kept | {
+        **{key: everyone[order[0]][key] for key in _OF_ROBOT if key in everyone[order[0]]},
         "robot_id": robot_id,
         "robots": [everyone[k] for k in order[1:]],
         "outcome": document["outcome"] | {"arrivals": [arrivals[k] for k in order]},
@@ -57,7 +58,7 @@ def document_until_arrival(document: JsonDict) -> JsonDict:
         return document
     tick = arrivals[0]
     final = frames[tick] if tick < len(frames) else document["final"]
-    left_out = {"command", "executed", "guarded", "label"}
+    left_out = {"command", "executed", "guarded", "label", "sensors"}
     outcome = {
         "status": "goal",
         "reason": "the robot has reached its goal",

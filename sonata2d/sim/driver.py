@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from ..agents.controllers.base import Controller, Regenerate, Stop, recorded_path
-from ..agents.sensors.base import Renderer, SensorSuite, known_to, shown_to
+from ..agents.sensors.base import Renderer, Sensor, SensorSuite, definition_of, known_to, shown_to
 from ..core.files import interruption
 from ..core.geometry import Twist, quantised
 from ..core.scene import Scene
@@ -172,4 +172,6 @@ def controller_info_of(controller: Controller, path: str | None = None) -> Contr
         )
     if not isinstance(labels, Mapping) or not all(isinstance(meaning, str) for meaning in labels.values()):
         raise ControllerError(f"labels of {name} must be a dict of names and their meanings, got {shown(labels)}")
-    return ControllerInfo(name, version, dict(settings), dict(labels) or None)
+    sensors = controller.sensors if isinstance(controller.sensors, Sequence) else ()  # SensorSuite refuses others
+    recorded = tuple(definition_of(each) for each in sensors if isinstance(each, Sensor) and each.record)
+    return ControllerInfo(name, version, dict(settings), dict(labels) or None, recorded)

@@ -39,7 +39,8 @@ class Episode(Drawable):
         others: controllers of the other robots, in the order of `scene.robots`; None: those that the scene names. One
             object may drive several robots if it says so, see `Controller.drives_several`.
         observers: receive every frame, e.g. recorders and windows.
-        past: inputs of the first ticks, which are replayed before the controller is asked.
+        past: inputs of the first ticks, which are replayed before the controller is asked. Controllers of other robots
+            are asked in them too, and remember what they saw; their commands are those of the past, if it holds any.
         controller_info: description of the controller in files; by default `controller_info_of(controller)`.
         renderer: draws the images that the controller requests, e.g. `sonata2d.view.image_of`.
 
@@ -80,6 +81,7 @@ class Episode(Drawable):
         self._observed: Snapshot | None = None  # of the present tick
         self._drivers = _drivers(scene, controller, others, controller_info, renderer)
         self._observing = [driver for driver in self._drivers if driver.sensors]
+        self._is_sensing = any(sensor.record for driver in self._observing for sensor in driver.controller.sensors)
         self._arrivals: list[int | None] = [None] * len(self._drivers)  # ticks; not of a single robot
         info = self._drivers[0].info
         if scene.robots:
@@ -117,6 +119,11 @@ class Episode(Drawable):
     def is_over(self) -> bool:
         """Whether the episode has an outcome."""
         return self.outcome is not None
+
+    @property
+    def ends_here(self) -> bool:
+        """Whether the episode has an outcome, or gets one at the present tick when it is observed."""
+        return self.is_over or self._outcome_at(self.snapshot()) is not None
 
     def run(self) -> Outcome:
         """Run to the end.
@@ -205,7 +212,7 @@ class Episode(Drawable):
         snapshot = self._observe_unless_over(replayed.events if replayed else tuple(events))
         if snapshot is None:
             return None
-        answer = replayed or self._decide(snapshot)
+        answer = self._again(replayed, snapshot) if replayed else self._decide(snapshot)
         if isinstance(answer, TickInput):
             return self._record_and_move(snapshot, answer)
         self._close(snapshot, answer)
@@ -338,16 +345,19 @@ class Episode(Drawable):
         if self.outcome is not None:
             return self._with_events(())
         snapshot = self._with_events(events)
-        if self.scene.robots:
-            for k, is_at_goal in enumerate(arrivals_at(snapshot)):
-                if is_at_goal and self._arrivals[k] is None:
-                    self._arrivals[k] = snapshot.tick
-            outcome = _outcome_of_several(snapshot, None not in self._arrivals)
-        else:
-            outcome = outcome_at(snapshot)
+        outcome = self._outcome_at(snapshot)
         if outcome is not None:
             self._close(snapshot, outcome)
         return snapshot
+
+    def _outcome_at(self, snapshot: Snapshot) -> Outcome | None:
+        """The outcome if the episode ends at the present snapshot."""
+        if not self.scene.robots:
+            return outcome_at(snapshot)
+        for k, is_at_goal in enumerate(arrivals_at(snapshot)):
+            if is_at_goal and self._arrivals[k] is None:
+                self._arrivals[k] = snapshot.tick
+        return _outcome_of_several(snapshot, None not in self._arrivals)
 
     def _with_events(self, events: tuple[DeviceEvent, ...]) -> Snapshot:
         """The snapshot of the present tick, with events added to those that it already has."""
@@ -375,6 +385,22 @@ class Episode(Drawable):
             return TickInput(*answer, snapshot.events)
         others = self._answers_of_others(snapshot)
         return others if isinstance(others, Outcome) else TickInput(*answer, snapshot.events, tuple(others))
+
+    def _again(self, replayed: TickInput, snapshot: Snapshot) -> TickInput | Outcome:
+        """An input of the past.
+
+        Controllers of other robots are asked again, so that they know what they knew then; their answers are executed
+        only if the past does not hold their commands.
+        """
+        if not self.scene.robots:
+            return replayed
+        if not replayed.others:
+            answers = self._answers_of_others(snapshot)
+            return answers if isinstance(answers, Outcome) else replace(replayed, others=tuple(answers))
+        for k in range(1, len(self._drivers)):
+            if not isinstance(self._drivers[k].controller, External):
+                self._answer(k, snapshot)
+        return replayed
 
     def _answers_of_others(self, snapshot: Snapshot) -> list[tuple[Twist, Any]] | Outcome:
         """Commands and labels of the other robots."""
@@ -404,10 +430,11 @@ class Episode(Drawable):
         """Send the frame to the observers, then move the world."""
         if self.scene.robots:
             tick_input = self._standing_after_arrival(tick_input)
-        frame = Frame(snapshot, tick_input.command, tick_input.label, tick_input.others)
         try:
             for driver in self._observing:
                 driver.look(snapshot)
+            readings = tuple(driver.sensors.arrived for driver in self._drivers) if self._is_sensing else ()
+            frame = Frame(snapshot, tick_input.command, tick_input.label, tick_input.others, readings)
             for observer in self.observers:
                 observer.on_frame(frame)
             others = [other for other, _ in tick_input.others] if tick_input.others else ()
@@ -423,10 +450,9 @@ class Episode(Drawable):
     def _standing_after_arrival(self, tick_input: TickInput) -> TickInput:
         """The input with the command 0 for robots that have reached their goals."""
         command = Twist() if self._arrivals[0] is not None else tick_input.command
-        others = tick_input.others or ((Twist(), None),) * len(self.scene.robots)  # of an older or shorter script
         others = tuple(
             (other if arrival is None else Twist(), label)
-            for (other, label), arrival in zip(others, self._arrivals[1:], strict=True)
+            for (other, label), arrival in zip(tick_input.others, self._arrivals[1:], strict=True)
         )
         return replace(tick_input, command=command, others=others)
 

@@ -9,7 +9,14 @@ from functools import partial
 from typing import Any
 from xml.etree import ElementTree
 
-from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearance, obstacle_clearance, touched_kind
+from ..core.proxemics import (
+    INTIMATE_DISTANCE,
+    PERSONAL_DISTANCE,
+    clearance,
+    obstacle_clearance,
+    touched_kind,
+    waits_for_others,
+)
 from ..core.relations import ACTIVITIES, ACTIVITY
 from ..core.scene import Scene
 from ..core.snapshot import RobotState, Snapshot
@@ -149,6 +156,7 @@ def state_data(snapshot: Snapshot) -> dict[str, Any]:
         "links": [(link.src, link.dst) for link in visible_interactions(snapshot)],
         "touches": touched_kind(snapshot),
         "clearance": _number(clearance(snapshot)),
+        **({"hasArrived": True} if waits_for_others(snapshot) else {}),
     }
 
 

@@ -12,7 +12,7 @@ import pygame
 from ..collect.texts import text
 from ..core.furniture_types import METAL
 from ..core.geometry import Point
-from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearance, touched_kind
+from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearance, touched_kind, waits_for_others
 from ..core.snapshot import Snapshot
 from ..view.canvas import PixelCanvas, put
 from ..view.fonts import shortened, width_of
@@ -347,6 +347,8 @@ def _draw_goal_distance(pen: _Pen, snapshot: Snapshot, camera: Camera, picture: 
     goal, robot = snapshot.goal, snapshot.robot.position
     metres = math.hypot(goal.x - robot[0], goal.y - robot[1])
     word = text("readings.goal", distance=f"{metres:.1f}")
+    if waits_for_others(snapshot):
+        word = text("readings.arrived")
     x, y = camera.to_pixels(goal.position)
     x, y = x + picture.left, y + picture.top
     box = pygame.Rect(0, 0, pen.width(word) + pen.px(12), pen.px(24))

@@ -40,9 +40,13 @@ SCENE: dict[str, Any] = {
 
 
 def open_session(
-    folder: Path, contributor: str = "zoe", label: dict[str, Any] | None = None, **options: Any
+    folder: Path,
+    contributor: str = "zoe",
+    label: dict[str, Any] | None = None,
+    config: ScenarioConfig | None = None,
+    **options: Any,
 ) -> Session:
-    config = ScenarioConfig(**SCENE, **({"label": label} if label else {}))
+    config = config or ScenarioConfig(**SCENE, **({"label": label} if label else {}))
     session = Session(folder, contributor, config, mappings=MAPPINGS, **options)
     SESSIONS.append(session)
     return session
@@ -692,3 +696,43 @@ def test_a_run_is_taken_back_although_the_manifest_cannot_be_written(
     assert (session.state, session.kept, path.exists(), dict(session.kept_runs)) == ("ended", 0, False, {})
     again = session.keep()
     assert [file["name"] for file in read_manifest(tmp_path)["files"]] == [again.name]
+
+
+ROBOTS: dict[str, Any] = {
+    **SCENE,
+    "robots": [{"count": 2, "controller": "social-planner"}],
+    "rules": {"time_limit": 8.0},
+}
+
+
+def test_runs_among_other_robots_continue_to_the_bit_and_are_verified(tmp_path: Path) -> None:
+    config = ScenarioConfig(**ROBOTS)
+
+    def robots_of(path: Path) -> list[Any]:
+        return [frame["robots"] for frame in read_episode(path).document["frames"]]
+
+    whole = open_session(tmp_path / "whole", config=config)
+    drive(whole)
+    expected = robots_of(whole.keep())
+    assert whole.undo()  # its recorded run is present again
+    assert robots_of(whole.keep()) == expected
+    session = open_session(tmp_path / "cut", config=config)
+    drive(session, ticks=12)
+    abandon(session)
+    again = open_session(tmp_path / "cut", config=config)
+    for _ in range(4):  # the driver does not move until the last tick that is compared
+        again.tick()
+    again.stop()
+    assert robots_of(again.keep())[:14] == expected[:14]
+    for folder in ("whole", "cut"):
+        assert_valid(tmp_path / folder, files=1)
+
+
+def test_a_run_of_several_robots_that_crashed_before_its_last_tick_ends(tmp_path: Path) -> None:
+    scene = {**SCENE, "humans": 0, "robots": 2, "rules": {"time_limit": 1.0}}
+    session = open_session(tmp_path, config=ScenarioConfig(**scene))
+    drive(session, ticks=10)
+    assert session.state == "driving"
+    abandon(session)
+    again = open_session(tmp_path, config=ScenarioConfig(**scene))
+    assert (again.state, again.outcome and again.outcome.status) == ("ended", "timeout")

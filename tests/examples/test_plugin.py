@@ -63,6 +63,10 @@ def test_the_plug_ins_work_as_the_readme_says(installed: dict[str, str], tmp_pat
     assert len(episode["room"]["polygon"]) == 6
     assert {human["model"] for human in episode["humans"]} == {"circular"}
     assert episode["controller"]["path"] == "cautious"
+    assert episode["robot"]["kinematics"] == "gentle"
+    assert episode["robot"]["drive"]["lateral_acceleration"] == 0.5
+    assert episode["sensors"] == [{"name": "bumper", "type": "bumper", "settings": {"rate": None, "latency": 0.0}}]
+    assert {type(frame["sensors"]["bumper"]) for frame in episode["frames"]} == {bool}
     settees = [thing for thing in episode["objects"] if thing["type"] == "settee"]
     assert settees
     assert all(thing["seat"] and thing["shape"]["length"] == 1.8 for thing in settees)
@@ -93,6 +97,9 @@ def test_episodes_with_plug_ins_replay_and_rerun_to_the_bit(installed: dict[str,
     words = ["generate", "out", "--scenario", "quick.yaml", "--controller", "cautious", "--episodes", "2"]
     assert sonata2d([*words, "--no-picture", "--workers", "2"], installed, tmp_path).returncode == 0
     done = sonata2d(["check", "out", "--replay", "--rerun", "--workers", "1"], installed, tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert sonata2d(["mirror", "out", "-o", "mirrored"], installed, tmp_path).returncode == 0
+    done = sonata2d(["check", "mirrored", "--replay", "--workers", "1"], installed, tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -205,6 +212,8 @@ def test_doctor_lists_each_plug_in_with_its_package_and_whether_it_loads(
     for name in (
         "controller cautious",
         "pedestrian model circular",
+        "drive gentle",
+        "sensor bumper",
         "format robot-csv",
         "metric mean_speed",
         "observation part crowding",

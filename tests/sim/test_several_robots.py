@@ -17,12 +17,14 @@ from sonata2d.agents import Lidar
 from sonata2d.agents.controllers.base import External
 from sonata2d.core.entities import Goal, OtherRobot, Robot
 from sonata2d.core.geometry import Pose, Rectangle, Twist
+from sonata2d.core.proxemics import touched_kind
 from sonata2d.core.scene import Rules, Scene
-from sonata2d.datasets import branch, mirrored, verify
+from sonata2d.datasets import branch, mirrored, read_manifest, verify
 from sonata2d.errors import ConfigError, ControllerError, SceneError
 from sonata2d.formats.api import export_to
 from sonata2d.formats.format import Options
 from sonata2d.metrics import measure, measure_files
+from sonata2d.sim.inputs import TickInput
 
 from ..conftest import room, walker
 from .test_shaped_robots import corners_of, depth
@@ -314,6 +316,27 @@ def test_files_are_replayed_and_rerun(recorded: s2.EpisodeRecord) -> None:
     assert verify(recorded.path.parent, replay=True, rerun=True) == []
 
 
+def test_contacts_between_robots_are_counted_named_and_shown(tmp_path: Path) -> None:
+    other = {"pose": [1.0, 0.1, 3.1], "controller": "straight-to-goal", "goal": {"position": [-2.0, 0.1]}}
+    scenario = s2.ScenarioConfig(
+        humans=0,
+        room={"kinds": "square", "side": 6},
+        robot={"pose": [-1.0, 0.0, 0.0]},
+        goal={"position": [2.0, 0.0]},
+        robots=[other],
+        rules={"guard": False, "time_limit": 4.0},
+    )
+    folder = tmp_path / "data"
+    s2.generate_dataset(folder, scenario, "straight-to-goal", episodes=1, workers=1)
+    assert read_manifest(folder)["files"][0]["contacts"]["robot"]["frames"] > 3
+    assert verify(folder, replay=True) == []
+    record = s2.read_episode(folder / "000000.json")
+    touching = next(snapshot for snapshot in record if snapshot.contacts)
+    assert touched_kind(touching) == "robot"
+    s2.evaluate({"data": folder}, rerun=False).save(tmp_path / "page.html")
+    assert "collision with another robot, caused by the robot" in (tmp_path / "page.html").read_text()
+
+
 def test_the_mirror_image_of_the_mirror_image_is_the_episode(recorded: s2.EpisodeRecord) -> None:
     image = mirrored(recorded)
     assert image.robots[3, 1, 1] == -recorded.robots[3, 1, 1]
@@ -329,6 +352,20 @@ def test_a_branch_of_a_recorded_episode_goes_on_with_all_robots(recorded: s2.Epi
         episode.step()
     moved = [math.dist(a.position, b.position) for a, b in zip(start, episode.snapshot().robots, strict=True)]
     assert max(moved) > 0.5
+
+
+def test_other_robots_of_a_branch_remember_what_they_saw(recorded: s2.EpisodeRecord, tmp_path: Path) -> None:
+    with s2.JsonRecorder(tmp_path / "episode.json") as recorder:
+        s2.Episode(recorded.scene(), s2.StraightToGoal(), observers=[recorder]).run()
+    record = s2.read_episode(tmp_path / "episode.json")
+    again = s2.EpisodeRecorder()
+    branch(record.path, 30, s2.StraightToGoal(), observers=[again]).run()  # whose own memory is empty
+    assert again.record().document["frames"] == record.document["frames"]
+    commands = [frame.command for frame in record.frames()]
+    past = [TickInput(command) for command in commands[:40]]  # without the commands of others: they are asked
+    episode = s2.Episode(recorded.scene(), s2.StraightToGoal(), past=past, observers=[whole := s2.EpisodeRecorder()])
+    episode.run()
+    assert whole.record().document["frames"] == record.document["frames"]
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import re
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from typing import Any, NoReturn
 
@@ -17,12 +17,13 @@ from ...core.arguments import finite_number, positive_number
 from ...core.devices import ImageRequest
 from ...core.entities import ROBOT_ID
 from ...core.floats import FloatFields
+from ...core.humans import Humans
 from ...core.portable_math import Array
 from ...core.rng import RandomStream
 from ...core.scene import Scene
 from ...core.snapshot import RobotState, Snapshot
-from ...errors import ControllerError
-from ...registry import did_you_mean
+from ...errors import ControllerError, RecordError
+from ...registry import SENSORS, did_you_mean
 
 
 class SensorNoise:
@@ -67,6 +68,7 @@ class Reading:
     tick: int
 
 
+HumansAt = Callable[[int], Humans]  # of a tick
 Renderer = Callable[[Snapshot, ImageRequest], Any]  # returns (H, W, 3) of uint8
 Measure = Callable[[Snapshot, SensorNoise], Any]
 
@@ -81,11 +83,13 @@ class Sensor(FloatFields, ABC):
         name: of the reading in `snapshot.sensors`; by default that of the class, such as `lidar` or `people_detector`.
         rate: measurements per second; None: one in each tick. The time between them is rounded to whole ticks.
         latency: time from a measurement until the controller gets it, s; rounded to ticks.
+        record: whether episode files hold the readings, each in the frame in which the controller gets it.
     """
 
     name: str = ""
     rate: float | None = None
     latency: float = 0.0
+    record: bool = field(default=False, kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -96,6 +100,8 @@ class Sensor(FloatFields, ABC):
         if self.rate is not None and not self.rate > 0.0:
             raise ValueError(f"rate must be positive, got {self.rate}")
         finite_number("latency", self.latency, 0.0)
+        if not isinstance(self.record, bool):
+            raise ValueError(f"record must be True or False, got {self.record!r}")
 
     @abstractmethod
     def start(self, scene: Scene) -> Measure:
@@ -115,6 +121,91 @@ class Sensor(FloatFields, ABC):
     def sees_all_ticks(self) -> bool:
         """Whether the sensor must follow the robot in every tick, as odometry does."""
         return False
+
+    def to_json(self, reading: Any) -> Any:
+        """A reading as files hold it: JSON values, of which numbers are rounded; in arrays NaN becomes null.
+
+        By default the fields of a `Reading`, and any other reading itself.
+        """
+        return vars(reading) if isinstance(reading, Reading) else reading
+
+    def from_json(self, value: Any, humans_at: HumansAt) -> Any:
+        """The reading that a file holds; by default the JSON value.
+
+        Args:
+            value: as `to_json` returned it, rounded.
+            humans_at: the people present at a tick.
+
+        Raises:
+            ValueError, KeyError, TypeError: the value is no reading of this sensor.
+        """
+        return value
+
+    def mirrored(self) -> Sensor:
+        """The sensor in the mirror image of the world, y becoming -y; by default the same."""
+        return self
+
+    def mirrored_json(self, value: Any) -> Any:
+        """The reading in the mirror image of the world, as files hold it.
+
+        Raises:
+            RecordError: readings of the sensor have no image, as by default.
+        """
+        name = type(self).__name__
+        raise RecordError(f"readings of {name} cannot be mirrored; define {name}.mirrored_json, or set record=False")
+
+
+def definition_of(sensor: Sensor) -> dict[str, Any]:
+    """Name, type and settings of a sensor, as files hold them; the type is a registered name, or `module:Class`."""
+    kind = type(sensor)
+    path = f"{kind.__module__}:{kind.__qualname__}"
+    known = {
+        **{place: name for name, place in SENSORS.built_in.items()},
+        **{point.value: name for name, point in SENSORS.plugins.items()},
+        **{f"{item.__module__}:{item.__qualname__}": name for name, item in SENSORS.registered.items()},
+    }
+    settings = {each.name: getattr(sensor, each.name) for each in fields(sensor) if each.name not in _OF_ALL}
+    return {"name": sensor.name, "type": known.get(path, path), "settings": settings}
+
+
+_OF_ALL = ("name", "record")  # fields that are no settings in a file
+
+
+def sensor_class(name: str) -> type[Sensor]:
+    """Load the class of a sensor by its registered name.
+
+    Raises:
+        ControllerError: the name is unknown, or the plug-in does not load or is no such class.
+    """
+
+    def check(item: object) -> str | None:
+        is_sensor = isinstance(item, type) and issubclass(item, Sensor) and is_dataclass(item)
+        return None if is_sensor else "is not a dataclass derived from sonata2d.agents.Sensor"
+
+    kind: type[Sensor] = SENSORS.load(name, check)
+    return kind
+
+
+def sensor_from(definition: Mapping[str, Any]) -> Sensor | None:
+    """The recorded sensor that a file defines, without settings that this version does not know.
+
+    Args:
+        definition: as `definition_of` returns it.
+
+    Returns:
+        None if its type is not registered: code that only the file names is not loaded.
+
+    Raises:
+        ControllerError: a plug-in does not load, or is no sensor.
+        ValueError, TypeError: it does not have such settings.
+    """
+    if definition["type"] not in SENSORS:
+        return None
+    kind = sensor_class(definition["type"])
+    names = {each.name for each in fields(kind)}.difference(_OF_ALL)
+    settings = {name: value for name, value in definition["settings"].items() if name in names}
+    sensor: Sensor = kind(name=definition["name"], record=True, **settings)
+    return sensor
 
 
 class Readings(Mapping[str, Any]):
@@ -156,6 +247,9 @@ class SensorSuite:
         scene: of the episode.
         renderer: takes the pictures of cameras.
 
+    Attributes:
+        arrived: readings of recorded sensors that arrived at the last tick, by name, as files hold them.
+
     Raises:
         ControllerError: an object is no sensor, two have the same name, or a camera has no renderer.
     """
@@ -182,6 +276,7 @@ class SensorSuite:
         ]
         self._waiting: list[deque[Any]] = [deque() for _ in self._sensors]
         self._newest: dict[str, Any] = {sensor.name: None for sensor in self._sensors}
+        self.arrived: dict[str, Any] = {}
 
     def __len__(self) -> int:
         return len(self._sensors)
@@ -189,7 +284,7 @@ class SensorSuite:
     def observe(self, snapshot: Snapshot) -> Readings:
         """Measure what is due at the tick of a snapshot, once; the readings that have arrived by then."""
         if snapshot.tick > self._tick:
-            self._tick = snapshot.tick
+            self._tick, self.arrived = snapshot.tick, {}
             for k, sensor in enumerate(self._sensors):
                 is_due = snapshot.tick % self._every[k] == 0
                 if is_due or sensor.sees_all_ticks:
@@ -197,7 +292,9 @@ class SensorSuite:
                     if is_due:
                         self._waiting[k].append((snapshot.tick + self._late[k], reading))
                 while self._waiting[k] and self._waiting[k][0][0] <= snapshot.tick:
-                    self._newest[sensor.name] = self._waiting[k].popleft()[1]
+                    reading = self._newest[sensor.name] = self._waiting[k].popleft()[1]
+                    if sensor.record and reading is not None:
+                        self.arrived[sensor.name] = sensor.to_json(reading)
         return Readings(dict(self._newest))
 
 
@@ -228,12 +325,16 @@ def angle_of_view(value: object) -> float:
     return angle
 
 
+def is_turn(angle: float) -> bool:
+    """Whether a field of view is a whole turn."""
+    return angle >= 2.0 * math.pi - 1e-9
+
+
 def angles_of(count: int, angle: float) -> Array:
     """Angles of rays over a field of view, (count,), rad: from right to left; over a whole turn without a double."""
     if count == 1:
         return np.zeros(1)
-    is_turn = angle >= 2.0 * math.pi - 1e-9
-    step = angle / count if is_turn else angle / (count - 1)
+    step = angle / count if is_turn(angle) else angle / (count - 1)
     angles: Array = np.arange(count, dtype=float) * step - angle / 2
     return angles
 

@@ -34,6 +34,8 @@ class Camera(Sensor):
         for name in ("width", "height"):
             whole_number(name, getattr(self, name), 1, _MOST_PIXELS)
         positive_number("view_range", self.view_range)
+        if self.record:
+            raise ValueError("files of episodes hold no pictures; leave record out, and render the file if needed")
         if self.view not in get_args(View):
             raise ValueError(f"view must be {' or '.join(get_args(View))}, got {self.view!r}")
 

@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ...core.arguments import finite_number, positive_number
-from ...core.geometry import Pose, Twist
+from ...core.geometry import Pose, Twist, canonical_angle
 from ...core.humans import Humans
 from ...core.portable_math import Array, IntArray, unit_vector, unit_vectors
 from ...core.rays import visible
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
-from .base import Measure, Reading, Sensor, SensorNoise, angle_of_view
+from .base import HumansAt, Measure, Reading, Sensor, SensorNoise, angle_of_view, is_turn
 
 _MOST_ALARMS = 1000
 
@@ -82,6 +83,20 @@ class Odometry(Sensor):
 
         return measure
 
+    def to_json(self, reading: OdometryReading) -> dict[str, Any]:
+        """Tick, pose [x, y, theta] and twist [vx, vy, omega]."""
+        at, twist = reading.pose, reading.twist
+        pose = [at.x, at.y, canonical_angle(at.theta)]
+        return {"tick": reading.tick, "pose": pose, "twist": [twist.vx, twist.vy, twist.omega]}
+
+    def from_json(self, value: Any, humans_at: HumansAt) -> OdometryReading:
+        return OdometryReading(value["tick"], Pose(*value["pose"]), Twist(*value["twist"]))
+
+    def mirrored_json(self, value: Any) -> Any:
+        (x, y, theta), (vx, vy, omega) = value["pose"], value["twist"]
+        pose = [x, 0.0 - y, canonical_angle(-theta)]
+        return value | {"pose": pose, "twist": [vx, 0.0 - vy, 0.0 - omega]}
+
 
 @dataclass(frozen=True)
 class PeopleSensor(Sensor):
@@ -106,7 +121,7 @@ class PeopleSensor(Sensor):
         table, no_object, no_row = scene.human_table, np.empty((0, 2)), np.empty(0, dtype=np.int64)
         walls = np.array([(*wall.start, *wall.end) for wall in scene.walls], dtype=float).reshape(-1, 4)
         # no person is too far from straight ahead for a view all around
-        cosine = -2.0 if self.angle >= 2.0 * math.pi - 1e-9 else float(unit_vector(self.angle / 2.0)[0])
+        cosine = -2.0 if is_turn(self.angle) else float(unit_vector(self.angle / 2.0)[0])
         everybody = np.ones(len(table.id), dtype=np.bool_)
 
         def rows_in_view(snapshot: Snapshot) -> IntArray:
@@ -182,6 +197,15 @@ class PeopleDetector(PeopleSensor):
 
         return measure
 
+    def from_json(self, value: Any, humans_at: HumansAt) -> PeopleReading:
+        position, velocity = (np.array(value[key], dtype=float).reshape(-1, 2) for key in ("position", "velocity"))
+        if len(position) != len(velocity) or not (np.isfinite(position).all() and np.isfinite(velocity).all()):
+            raise ValueError("position and velocity must be as many pairs of numbers")
+        return PeopleReading(value["tick"], position, velocity)
+
+    def mirrored_json(self, value: Any) -> Any:
+        return value | {key: [[x, 0.0 - y] for x, y in value[key]] for key in ("position", "velocity")}
+
 
 def _turned(vectors: Array, turn: Array) -> Array:
     """(K, 2), vectors in the axes of the columns of a rotation matrix."""
@@ -215,3 +239,15 @@ class FieldOfView(PeopleSensor):
             return ViewReading(snapshot.tick, seen)
 
         return measure
+
+    def to_json(self, reading: ViewReading) -> dict[str, Any]:
+        """Tick, and the ids of the people in view."""
+        return {"tick": reading.tick, "humans": reading.humans.id}
+
+    def from_json(self, value: Any, humans_at: HumansAt) -> ViewReading:
+        humans = humans_at(value["tick"])
+        rows = {int(id): row for row, id in enumerate(humans.id)}
+        return ViewReading(value["tick"], humans.select(np.array([rows[id] for id in value["humans"]], dtype=int)))
+
+    def mirrored_json(self, value: Any) -> Any:
+        return value

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,7 @@ from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...core.state import State
 from ...core.vectors import lengths
-from .base import Measure, Reading, Sensor, SensorNoise, angle_of_view, angles_of
+from .base import HumansAt, Measure, Reading, Sensor, SensorNoise, angle_of_view, angles_of, is_turn
 
 _MOST_RAYS = 100_000
 _LEG, _STANCE = 0.06, 0.1  # m, radius of a leg, and half the distance between the legs
@@ -124,6 +124,29 @@ class Lidar(Sensor):
             return LidarReading(snapshot.tick, ranges, angles, self.nearest, self.distance, self.mount)
 
         return measure
+
+    def to_json(self, reading: LidarReading) -> dict[str, Any]:
+        """Tick and ranges, of which infinite ones become null, and lost ones -1."""
+        ranges = np.where(np.isnan(reading.ranges), -1.0, reading.ranges)
+        return {"tick": reading.tick, "ranges": np.where(np.isinf(ranges), np.nan, ranges)}
+
+    def from_json(self, value: Any, humans_at: HumansAt) -> LidarReading:
+        ranges = np.array(value["ranges"], dtype=float)
+        ranges[np.isnan(ranges)] = np.inf
+        if ranges.shape != (self.rays,) or ((ranges < 0.0) & (ranges != -1.0)).any():
+            raise ValueError(f"ranges must be {self.rays} numbers, null or -1")
+        ranges[ranges == -1.0] = np.nan
+        ranges.flags.writeable = False
+        angles = angles_of(self.rays, self.angle) + self.heading
+        return LidarReading(value["tick"], ranges, angles, self.nearest, self.distance, self.mount)
+
+    def mirrored(self) -> Lidar:
+        return replace(self, mount=(self.mount[0], 0.0 - self.mount[1]), heading=0.0 - self.heading)
+
+    def mirrored_json(self, value: Any) -> Any:
+        ranges = value["ranges"]
+        kept = 1 if is_turn(self.angle) else 0  # the ray of a whole turn that points backwards
+        return value | {"ranges": [*ranges[:kept], *ranges[kept:][::-1]]}
 
     def _fill(self, scene: Scene, snapshot: Snapshot, lines: Array) -> int:
         """Fill the outlines that people show, (2 N, 5); their number."""

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import orjson
 
-from ...agents.controllers.base import Controller
+from ...agents.controllers.base import Controller, External
 from ...agents.controllers.loading import inner_of, is_installed, load_controller
+from ...agents.sensors.base import Measure, Sensor, sensor_from
 from ...core.devices import DeviceEvent
 from ...core.files import interruption
 from ...core.geometry import Twist
+from ...core.scene import Scene
 from ...core.snapshot import ControllerInfo, Observer, Snapshot
 from ...errors import ConfigError, ControllerError, RecordError, SceneError
 from ...record.canonical import serialise
 from ...record.files import read_bytes
+from ...record.layout import JsonDict
 from ...record.reader import read_episode
 from ...record.record import EpisodeRecord, events_of
 from ...record.recorder import EpisodeRecorder
@@ -32,13 +36,42 @@ from ..transforms.mirror import mirrored
 from .episodes import Problem
 
 
-class _RecordedCommandsOnly(Controller):
-    """Controller of a replay; it is asked only if the recorded commands end before the episode does."""
+@dataclass(frozen=True)
+class _RecordedReadings(Sensor):
+    """A sensor whose type is not registered: its recorded readings are taken as they are.
 
-    drives_several = True
+    Attributes:
+        readings: by tick, as files hold them.
+    """
+
+    readings: Mapping[int, Any] = field(default_factory=dict)
+
+    def start(self, scene: Scene) -> Measure:
+        return lambda snapshot, noise: self.readings.get(snapshot.tick)
+
+
+class _RecordedCommandsOnly(External):
+    """Controller of a replay; it is asked only if the recorded commands end before the episode does.
+
+    Args:
+        robot: its keys in the document.
+        frames: its keys in the frames.
+    """
+
+    def __init__(self, robot: JsonDict, frames: list[JsonDict]) -> None:
+        self.sensors = [_sensor_again(each, frames) for each in robot.get("sensors") or ()]
 
     def act(self, snapshot: Snapshot) -> Twist:
         raise ControllerError("the recorded commands end before the episode does")
+
+
+def _sensor_again(definition: JsonDict, frames: list[JsonDict]) -> Sensor:
+    """A recorded sensor that measures again, if it is registered."""
+    if sensor := sensor_from(definition):
+        return sensor
+    name = definition["name"]
+    given = {t: frame["sensors"][name] for t, frame in enumerate(frames) if name in (frame.get("sensors") or ())}
+    return _RecordedReadings(name, record=True, readings=given)
 
 
 def branch(path: str | Path, tick: int, controller: Controller, *, observers: Iterable[Observer] = ()) -> Episode:
@@ -116,16 +149,14 @@ def _replayed_document(record: EpisodeRecord) -> bytes:
     Raises:
         ControllerError: the recorded commands end before the episode does.
     """
-    recorder, outcome, scene, controller = (
-        _recorder_like(record),
-        record.outcome,
-        record.scene(),
-        _RecordedCommandsOnly(),
-    )
+    recorder, outcome, frames = _recorder_like(record), record.outcome, record.document["frames"]
     episode = Episode(
-        scene,
-        controller,
-        others=[controller] * len(scene.robots),
+        record.scene(),
+        _RecordedCommandsOnly(record.document, frames),
+        others=[
+            _RecordedCommandsOnly(robot, [frame["robots"][k] for frame in frames])
+            for k, robot in enumerate(record.document.get("robots") or ())
+        ],
         observers=[recorder],
         past=_recorded_inputs(record),
         controller_info=record.controller_info,

@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ...agents.sensors.base import definition_of, sensor_from
 from ...core.files.locations import location
 from ...core.geometry import quantised
 from ...core.notebook import Advance
@@ -271,6 +272,9 @@ def _document_image(document: JsonDict, label: LabelImage | None) -> JsonDict:
         "frames": lambda frames: [_frame_image(frame, label) for frame in frames],
         "final": lambda frame: _frame_image(frame, label),
     }
+    sensors = [_sensors_of(robot) for robot in (document, *(document.get("robots") or ()))]
+    if any(sensors):
+        images["frames"] = lambda frames: [_readings_image(_frame_image(frame, label), sensors) for frame in frames]
     image: JsonDict = {}
     for key, value in document.items():
         if key != "mirrored_from":
@@ -385,7 +389,37 @@ _IMAGES_OF_ROBOT: dict[str, Callable[[Any], Any]] = {
     "robot": lambda robot: _shape_image(_pose_image(robot)),
     "goal": _pose_image,
     "controller": _controller_image,
+    "sensors": lambda sensors: [_sensor_image(definition) for definition in sensors],
 }
+
+
+def _sensor_image(definition: JsonDict) -> JsonDict:
+    """The image of the definition of a sensor, with its keys in the same order."""
+    sensor = sensor_from(definition)
+    if sensor is None:
+        raise RecordError(
+            f"readings of {definition['type']} cannot be mirrored without its code; register it as a sensor, see "
+            "CONTRIBUTING.md, or record without it"
+        )
+    settings = definition_of(sensor.mirrored())["settings"]
+    return definition | {"settings": definition["settings"] | to_json_value(settings, "settings", exact=True)}
+
+
+def _sensors_of(robot: JsonDict) -> dict[str, Any]:
+    return {each["name"]: sensor_from(each) for each in robot.get("sensors") or ()}
+
+
+def _readings_image(frame: JsonDict, sensors: list[dict[str, Any]]) -> JsonDict:
+    """A frame with the images of its readings; they are computed from a frame whose other values are images already."""
+    robots = [frame, *(frame.get("robots") or ())]
+    images = [
+        robot | {"sensors": {name: own[name].mirrored_json(value) for name, value in robot["sensors"].items()}}
+        if robot.get("sensors")
+        else robot
+        for robot, own in zip(robots, sensors, strict=True)
+    ]
+    image: JsonDict = images[0] | ({"robots": images[1:]} if "robots" in frame else {})
+    return image
 
 
 def _robot_image(other: JsonDict) -> JsonDict:

@@ -188,6 +188,7 @@ export class Drive {
   readings() {
     const {robot, time} = this.now, [x, y] = this.data.goal, latest = this.states.get(this.latest);
     return {time, speed: Math.hypot(robot.ahead, robot.left), goal: Math.hypot(robot.x - x, robot.y - y),
-            nearest: latest ? latest.clearance : null, touches: robot.touches};
+            nearest: latest ? latest.clearance : null, touches: robot.touches,
+            hasArrived: Boolean(latest && latest.hasArrived)};
   }
 }

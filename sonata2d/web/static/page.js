@@ -7,7 +7,8 @@ import {form, question} from "./questions.js";
 import {Watch} from "./watch.js";
 
 const PROTOCOL = 1;
-const TOUCHED = {human: "readings.touching_human", object: "readings.touching_object", wall: "readings.touching_wall"};
+const TOUCHED = {human: "readings.touching_human", object: "readings.touching_object", wall: "readings.touching_wall",
+                 robot: "readings.touching_robot"};
 const PAUSE_OF_CARD = 500;     // ms, in which keys that were pressed to drive do not answer the card
 const PROBLEMS = {refused: "web.not_possible", failed: "web.server_failed"};
 const data = JSON.parse(byId("data").textContent);
@@ -280,11 +281,11 @@ function showFrameLabel(run, isNew) {
 
 function showReadings() {
   if (!view || !view.drive || !drive.now) return;
-  const {time, speed, goal, nearest, touches} = drive.readings();
+  const {time, speed, goal, nearest, touches, hasArrived} = drive.readings();
   byId("hint").classList.toggle("above", drive.isGoalBelow);
   byId("time").textContent = t("readings.seconds", {time: seconds(time)});
   byId("speed").textContent = t("readings.speed", {speed: seconds(speed)});
-  byId("goal").textContent = t("readings.goal", {distance: seconds(goal)});
+  byId("goal").textContent = hasArrived ? t("readings.arrived") : t("readings.goal", {distance: seconds(goal)});
   byId("nearest").textContent = touches ? t(TOUCHED[touches]) : nearest === null ? t("readings.nobody")
     : t("readings.nearest", {distance: seconds(Math.max(nearest, 0))});
   byId("nearest").className = touches ? "touching" : nearest !== null && nearest < 1.2 ? "near" : "";

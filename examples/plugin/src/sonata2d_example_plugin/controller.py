@@ -6,6 +6,8 @@ from typing import Any
 
 import sonata2d as s2
 
+from .sensor import Bumper
+
 
 class Cautious(s2.Controller):
     """Drives straight to the goal, at a speed that falls with the clearance to the nearest pedestrian.
@@ -15,6 +17,7 @@ class Cautious(s2.Controller):
     """
 
     version = "1"
+    sensors = (Bumper(record=True),)
     labels = {"close": "the nearest pedestrian is within personal distance (1.2 m)"}
 
     def __init__(self, speed: float = 0.8) -> None:
