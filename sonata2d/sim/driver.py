@@ -17,6 +17,7 @@ from ..core.snapshot import ControllerInfo, Outcome, Snapshot, Status
 from ..core.wording import described, shown
 from ..errors import ControllerError
 from ..registry import did_you_mean
+from .inputs import USUAL
 
 
 class Driver:
@@ -107,9 +108,6 @@ def renderer_for(controller: Controller) -> Renderer | None:
     return image_of
 
 
-_USUAL = 1e4  # m/s, rad/s, beyond which the limits of files are looked at
-
-
 def checked_twist(answer: object, controller_class: type | None = None) -> Twist:
     """A command as a twist that a file can hold.
 
@@ -122,8 +120,8 @@ def checked_twist(answer: object, controller_class: type | None = None) -> Twist
     """
     if type(answer) is Twist:  # the usual case in a third of the time
         vx, vy, omega = answer.vx, answer.vy, answer.omega
-        is_small = type(vx) is type(vy) is type(omega) is float and -_USUAL < vx < _USUAL and -_USUAL < vy < _USUAL
-        if is_small and -_USUAL < omega < _USUAL:
+        is_small = type(vx) is type(vy) is type(omega) is float and -USUAL < vx < USUAL and -USUAL < vy < USUAL
+        if is_small and -USUAL < omega < USUAL:
             return Twist(round(vx * 1e4) / 1e4 + 0.0, round(vy * 1e4) / 1e4 + 0.0, round(omega * 1e4) / 1e4 + 0.0)
     name = f"{controller_class.__name__}.act" if controller_class else ""
     must = f"{name} must return" if name else "the command must be"

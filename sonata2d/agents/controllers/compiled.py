@@ -51,12 +51,13 @@ class KernelController(Controller):
         if not hasattr(memory, "_fields"):
             raise TypeError(f"{type(self).__name__}.memory must return a NamedTuple, got {shown(memory)}")
         self._scene, self._memory = scene, Packed[Any](memory)
+        self._everybody = np.ones(len(scene.with_robots_as_people.humans), dtype=bool)
 
     def act(self, snapshot: Snapshot) -> Twist:
         memory, command = self._memory_for(snapshot.scene), np.empty(3)
         state = (snapshot.with_robots_as_people() if snapshot.scene.robots else snapshot).state
         row = state.row.copy()  # kernels take writeable arrays
-        is_present = np.ones(len(state.activity), dtype=bool) if state.is_present is None else state.is_present.copy()
+        is_present = (self._everybody if state.is_present is None else state.is_present).copy()
         humans = row[ROBOT_SIZE:].reshape(-1, HUMAN_SIZE)
         self._kernel(memory.argument, snapshot.tick, row[:ROBOT_SIZE], humans, is_present, command)
         return Twist(*command.tolist())
