@@ -331,6 +331,11 @@ class EpisodeRecord(Drawable):
             IndexError: there is no such frame.
         """
         t = range(len(self) + 1)[index]
+        look = self._look(t)
+        return replace(look, sensors=self._readings_at(t)) if self.sensors else look
+
+    def _look(self, t: int) -> Snapshot:
+        """The snapshot of a frame, or of the final state, without readings."""
         state = self.document["frames"][t] if t < len(self) else self.document["final"]
         robots, others = self._scene.robots, state.get("robots") or ()
         before = self.document["frames"][t - 1].get("robots") or () if t else others
@@ -348,7 +353,6 @@ class EpisodeRecord(Drawable):
             interactions=interactions_from_rows(state["interactions"]),
             contacts=tuple(_contact(row) for row in state["contacts"]),
             events=events_of(state),
-            sensors=self._readings_at(t) if self.sensors else None,
         )
 
     @cached_property
@@ -378,7 +382,7 @@ class EpisodeRecord(Drawable):
         for name, sensor in self.sensors.items():
             number = bisect_right(self._arrivals[name], t)
             value = self.document["frames"][self._arrivals[name][number - 1]]["sensors"][name] if number else None
-            readings[name] = value if value is None or sensor is None else sensor.from_json(value, self._present_humans)
+            readings[name] = value if value is None or sensor is None else sensor.from_json(value, self._look)
         return Readings(readings)
 
     def snapshots(self) -> Iterator[Snapshot]:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import chain
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -245,7 +246,6 @@ def _sensor_findings(document: JsonDict) -> Iterator[Finding]:
     """Readings must be those of the sensors that the document names."""
     from ..agents.sensors.base import sensor_from  # most files have no readings, and are read without sensors
 
-    humans_at = partial(_people_at, document)
     for k, robot in enumerate((document, *(document.get("robots") or ()))):
         place, definitions = f"robots.{k - 1}." if k else "", robot.get("sensors") or ()
         sensors: dict[str, Sensor | None] = {}
@@ -261,13 +261,13 @@ def _sensor_findings(document: JsonDict) -> Iterator[Finding]:
             states = (frame, *(frame.get("robots") or ()))
             if k >= len(states):
                 return  # as another finding says
-            if message := _reading_problem(states[k].get("sensors") or {}, sensors, t, humans_at):
+            if message := _reading_problem(states[k].get("sensors") or {}, sensors, t, partial(_ids_at, document, k)):
                 yield f"frames.{t}.{place}sensors", message
                 return
 
 
 def _reading_problem(
-    readings: JsonDict, sensors: dict[str, Sensor | None], tick: int, humans_at: Callable[[int], Humans]
+    readings: JsonDict, sensors: dict[str, Sensor | None], tick: int, look_at: Callable[[int], Any]
 ) -> str:
     """Why readings cannot be those of sensors; empty if they can."""
     for name, value in readings.items():
@@ -278,18 +278,20 @@ def _reading_problem(
             return f"{name}: tick must be 0 to {tick}, is {shown(measured)}"
         try:
             if sensor := sensors[name]:
-                sensor.from_json(value, humans_at)
+                sensor.from_json(value, look_at)
         except (KeyError, TypeError, ValueError) as error:
             return f"{name}: {described(error)}"
     return ""
 
 
-def _people_at(document: JsonDict, tick: int) -> Humans:
-    """The people present at a tick, by their ids only."""
+def _ids_at(document: JsonDict, robot: int, tick: int) -> SimpleNamespace:
+    """In place of the snapshot of a tick from the view of a robot: the people present and the other robots, by ids."""
     activity = document["frames"][tick]["activity"]
     ids = [human["id"] for human, each in zip(document["humans"], activity, strict=True) if each != ABSENT]
     zeros = np.zeros(len(ids))
-    return Humans(np.zeros((len(ids), HUMAN_SIZE)), np.array(ids, dtype=int), zeros, zeros, zeros.astype(int))
+    humans = Humans(np.zeros((len(ids), HUMAN_SIZE)), np.array(ids, dtype=int), zeros, zeros, zeros.astype(int))
+    robots = [ROBOT_ID, *(other["id"] for other in document.get("robots") or ())]
+    return SimpleNamespace(humans=humans, robots=[SimpleNamespace(id=id) for k, id in enumerate(robots) if k != robot])
 
 
 def _reference_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Finding]:

@@ -95,7 +95,9 @@ def _numbers(reading: Any) -> dict[str, Any]:
         pose, twist = reading.pose, reading.twist
         return {"pose": [pose.x, pose.y, pose.theta], "twist": [twist.vx, twist.vy, twist.omega]}
     if hasattr(reading, "humans"):
-        return {"id": reading.humans.id, "position": reading.humans.position, "velocity": reading.humans.velocity}
+        robots = [(robot.id, *robot.position, *robot.direction, *robot.velocity) for robot in reading.robots]
+        humans = reading.humans
+        return {"id": humans.id, "position": humans.position, "velocity": humans.velocity, "robots": robots}
     return {"position": reading.position, "velocity": reading.velocity}
 
 
@@ -133,6 +135,22 @@ def test_mirror_images_have_mirrored_readings(run: tuple[EpisodeRecord, list[dic
         np.testing.assert_array_equal(after.sensors.people_detector.position, detected.position * flip)
         if (view := before.sensors.field_of_view) is not None:
             np.testing.assert_array_equal(after.sensors.field_of_view.humans.position, view.humans.position * flip)
+
+
+def test_robots_in_view_are_recorded(tmp_path: Path) -> None:
+    scene = s2.generate(s2.ScenarioConfig(humans=2, robots=3, rules={"time_limit": 4}), seed=4)
+    controller = Sensing()
+    record = recorded(controller, tmp_path, scene)
+    seen = []
+    for snapshot, live in zip(record, controller._read, strict=False):  # which is not asked after its arrival
+        view, expected = snapshot.sensors.field_of_view, live["field_of_view"]
+        if view is not None:
+            seen.append(len(view.robots))
+            for key, value in _numbers(view).items():
+                np.testing.assert_allclose(value, _numbers(expected)[key], rtol=0.0, atol=6e-5)
+    assert max(seen) > 0
+    assert check_replay(record) == []
+    assert serialise(mirrored(mirrored(record)).document) == serialise(record.document)
 
 
 def test_other_robots_record_their_own_sensors(tmp_path: Path) -> None:

@@ -13,9 +13,9 @@ import orjson
 import pytest
 
 import sonata2d as s2
-from sonata2d.agents import Lidar
+from sonata2d.agents import FieldOfView, Lidar
 from sonata2d.agents.controllers.base import External
-from sonata2d.core.entities import Goal, OtherRobot, Robot
+from sonata2d.core.entities import Goal, OtherRobot, Robot, Wall
 from sonata2d.core.geometry import Pose, Rectangle, Twist
 from sonata2d.core.proxemics import touched_kind
 from sonata2d.core.scene import Rules, Scene
@@ -467,6 +467,20 @@ def test_lidar_sees_the_outlines_of_other_robots() -> None:
     snapshot = episode.snapshot()
     reading = episode._drivers[0].sensors.observe(snapshot).lidar
     assert reading.ranges.tolist() == pytest.approx([6.0, 6.0, 2.7, 2.5 - 0.45])
+
+
+def test_a_field_of_view_shows_robots_that_nothing_hides() -> None:
+    class Looking(External):
+        sensors = (FieldOfView(angle=math.pi / 2), FieldOfView("through", angle=math.pi / 2, occlusion=False))
+
+    scene = facing(disc(-2.0), disc(1.0), disc(3.0, 0.5), disc(-3.0))
+    wall = Wall((2.0, -1.0), (2.0, 1.0))
+    for walls, seen in (((), [0, 1]), ((wall,), [0])):
+        scene = replace(scene, walls=(*scene.walls, *walls))
+        episode = s2.Episode(scene, Looking(), others=[External()] * 3)
+        sensors = episode._drivers[0].sensors.observe(episode.snapshot())
+        assert [robot.id for robot in sensors.field_of_view.robots] == [scene.robots[k].id for k in seen]
+        assert [robot.id for robot in sensors.through.robots] == [scene.robots[k].id for k in (0, 1)]
 
 
 def test_pictures_show_all_robots(recorded: s2.EpisodeRecord) -> None:

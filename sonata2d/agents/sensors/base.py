@@ -17,7 +17,6 @@ from ...core.arguments import finite_number, positive_number
 from ...core.devices import ImageRequest
 from ...core.entities import ROBOT_ID
 from ...core.floats import FloatFields
-from ...core.humans import Humans
 from ...core.portable_math import Array
 from ...core.rng import RandomStream
 from ...core.scene import Scene
@@ -68,7 +67,7 @@ class Reading:
     tick: int
 
 
-HumansAt = Callable[[int], Humans]  # of a tick
+LookAt = Callable[[int], Snapshot]
 Renderer = Callable[[Snapshot, ImageRequest], Any]  # returns (H, W, 3) of uint8
 Measure = Callable[[Snapshot, SensorNoise], Any]
 
@@ -129,12 +128,12 @@ class Sensor(FloatFields, ABC):
         """
         return vars(reading) if isinstance(reading, Reading) else reading
 
-    def from_json(self, value: Any, humans_at: HumansAt) -> Any:
+    def from_json(self, value: Any, look_at: LookAt) -> Any:
         """The reading that a file holds; by default the JSON value.
 
         Args:
             value: as `to_json` returned it, rounded.
-            humans_at: the people present at a tick.
+            look_at: the snapshot of a tick, without readings.
 
         Raises:
             ValueError, KeyError, TypeError: the value is no reading of this sensor.

@@ -15,8 +15,8 @@ from ...core.humans import Humans
 from ...core.portable_math import Array, IntArray, unit_vector, unit_vectors
 from ...core.rays import visible
 from ...core.scene import Scene
-from ...core.snapshot import Snapshot
-from .base import HumansAt, Measure, Reading, Sensor, SensorNoise, angle_of_view, is_turn
+from ...core.snapshot import RobotState, Snapshot
+from .base import LookAt, Measure, Reading, Sensor, SensorNoise, angle_of_view, is_turn
 
 _MOST_ALARMS = 1000
 
@@ -89,7 +89,7 @@ class Odometry(Sensor):
         pose = [at.x, at.y, canonical_angle(at.theta)]
         return {"tick": reading.tick, "pose": pose, "twist": [twist.vx, twist.vy, twist.omega]}
 
-    def from_json(self, value: Any, humans_at: HumansAt) -> OdometryReading:
+    def from_json(self, value: Any, look_at: LookAt) -> OdometryReading:
         return OdometryReading(value["tick"], Pose(*value["pose"]), Twist(*value["twist"]))
 
     def mirrored_json(self, value: Any) -> Any:
@@ -104,7 +104,7 @@ class PeopleSensor(Sensor):
 
     Attributes:
         angle, distance: of the field of view, rad and m.
-        occlusion: whether walls and other people hide a person; people are seen over furniture.
+        occlusion: whether walls and other people hide a person; people are seen over furniture and robots.
     """
 
     angle: float = 2.0 * math.pi / 3.0
@@ -116,24 +116,30 @@ class PeopleSensor(Sensor):
         angle_of_view(self.angle)
         positive_number("distance", self.distance)
 
-    def _view(self, scene: Scene) -> Callable[[Snapshot], IntArray]:
-        """A function that returns the rows of `snapshot.humans` of the people whose centre is seen, (K,) of int."""
-        table, no_object, no_row = scene.human_table, np.empty((0, 2)), np.empty(0, dtype=np.int64)
+    def _view(self, scene: Scene, robots: int = 0) -> Callable[[Snapshot], tuple[IntArray, IntArray]]:
+        """A function that returns what is seen: rows of `snapshot.humans`, (K,) of int, and of the first other robots.
+
+        Args:
+            scene: of the episode.
+            robots: number of other robots that can be seen.
+        """
+        table, all_robots = scene.human_table, np.arange(robots)
         walls = np.array([(*wall.start, *wall.end) for wall in scene.walls], dtype=float).reshape(-1, 4)
         # no person is too far from straight ahead for a view all around
         cosine = -2.0 if is_turn(self.angle) else float(unit_vector(self.angle / 2.0)[0])
         everybody = np.ones(len(table.id), dtype=np.bool_)
 
-        def rows_in_view(snapshot: Snapshot) -> IntArray:
+        def rows_in_view(snapshot: Snapshot) -> tuple[IntArray, IntArray]:
             state = snapshot.state
             is_present = everybody if state.is_present is None else state.is_present
             present = np.flatnonzero(is_present)
-            is_seen = np.ones(len(present), dtype=np.bool_)
+            is_seen = np.ones(len(present) + robots, dtype=np.bool_)
+            centres = np.array([robot.position for robot in snapshot.robots[:robots]], dtype=float).reshape(-1, 2)
             visible(
-                state.row, is_present, table.radius, table.shoulder, no_object, walls, present, no_row, cosine,
+                state.row, is_present, table.radius, table.shoulder, centres, walls, present, all_robots, cosine,
                 float(self.distance), self.occlusion, 0, is_seen,
             )  # fmt: skip
-            return np.flatnonzero(is_seen)
+            return np.flatnonzero(is_seen[: len(present)]), np.flatnonzero(is_seen[len(present) :])
 
         return rows_in_view
 
@@ -181,7 +187,7 @@ class PeopleDetector(PeopleSensor):
         rows_in_view = self._view(scene)
 
         def measure(snapshot: Snapshot, noise: SensorNoise) -> PeopleReading:
-            humans, robot, rows = snapshot.humans, snapshot.robot, rows_in_view(snapshot)
+            humans, robot, (rows, _) = snapshot.humans, snapshot.robot, rows_in_view(snapshot)
             rows = rows[noise.uniforms(len(rows)) >= self.misses]
             c, s = robot.direction
             turn = np.array([[c, -s], [s, c]])
@@ -197,7 +203,7 @@ class PeopleDetector(PeopleSensor):
 
         return measure
 
-    def from_json(self, value: Any, humans_at: HumansAt) -> PeopleReading:
+    def from_json(self, value: Any, look_at: LookAt) -> PeopleReading:
         position, velocity = (np.array(value[key], dtype=float).reshape(-1, 2) for key in ("position", "velocity"))
         if len(position) != len(velocity) or not (np.isfinite(position).all() and np.isfinite(velocity).all()):
             raise ValueError("position and velocity must be as many pairs of numbers")
@@ -219,35 +225,42 @@ class ViewReading(Reading):
 
     Attributes:
         humans: the people in view, as `snapshot.humans`: exact, in the world frame.
+        robots: the other robots in view, as `snapshot.robots`.
     """
 
     humans: Humans
+    robots: tuple[RobotState, ...] = ()
 
 
 @dataclass(frozen=True)
 class FieldOfView(PeopleSensor):
-    """People in a field of view, measured without errors."""
+    """People and other robots in a field of view, measured without errors."""
 
     def start(self, scene: Scene) -> Measure:
-        rows_in_view = self._view(scene)
+        rows_in_view = self._view(scene, len(scene.robots))
 
         def measure(snapshot: Snapshot, noise: SensorNoise) -> ViewReading:
-            humans, rows = snapshot.humans, rows_in_view(snapshot)
+            humans, (rows, robots) = snapshot.humans, rows_in_view(snapshot)
             seen = humans.select(rows)
             if humans.row is not None and seen is not humans:
                 seen = replace(seen, row=humans.row[rows])
-            return ViewReading(snapshot.tick, seen)
+            return ViewReading(snapshot.tick, seen, tuple(snapshot.robots[k] for k in robots))
 
         return measure
 
     def to_json(self, reading: ViewReading) -> dict[str, Any]:
-        """Tick, and the ids of the people in view."""
-        return {"tick": reading.tick, "humans": reading.humans.id}
+        """Tick, and the ids of the people and robots in view."""
+        robots = {"robots": [robot.id for robot in reading.robots]} if reading.robots else {}
+        return {"tick": reading.tick, "humans": reading.humans.id, **robots}
 
-    def from_json(self, value: Any, humans_at: HumansAt) -> ViewReading:
-        humans = humans_at(value["tick"])
-        rows = {int(id): row for row, id in enumerate(humans.id)}
-        return ViewReading(value["tick"], humans.select(np.array([rows[id] for id in value["humans"]], dtype=int)))
+    def from_json(self, value: Any, look_at: LookAt) -> ViewReading:
+        snapshot = look_at(value["tick"])
+        rows = {int(id): row for row, id in enumerate(snapshot.humans.id)}
+        robots = {robot.id: robot for robot in snapshot.robots}
+        seen = np.array([rows[id] for id in value["humans"]], dtype=int)
+        return ViewReading(
+            value["tick"], snapshot.humans.select(seen), tuple(robots[id] for id in value.get("robots", ()))
+        )
 
     def mirrored_json(self, value: Any) -> Any:
         return value

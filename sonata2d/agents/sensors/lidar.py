@@ -20,7 +20,7 @@ from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...core.state import State
 from ...core.vectors import lengths
-from .base import HumansAt, Measure, Reading, Sensor, SensorNoise, angle_of_view, angles_of, is_turn
+from .base import LookAt, Measure, Reading, Sensor, SensorNoise, angle_of_view, angles_of, is_turn
 
 _MOST_RAYS = 100_000
 _LEG, _STANCE = 0.06, 0.1  # m, radius of a leg, and half the distance between the legs
@@ -130,7 +130,7 @@ class Lidar(Sensor):
         ranges = np.where(np.isnan(reading.ranges), -1.0, reading.ranges)
         return {"tick": reading.tick, "ranges": np.where(np.isinf(ranges), np.nan, ranges)}
 
-    def from_json(self, value: Any, humans_at: HumansAt) -> LidarReading:
+    def from_json(self, value: Any, look_at: LookAt) -> LidarReading:
         ranges = np.array(value["ranges"], dtype=float)
         ranges[np.isnan(ranges)] = np.inf
         if ranges.shape != (self.rays,) or ((ranges < 0.0) & (ranges != -1.0)).any():
