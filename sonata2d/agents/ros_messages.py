@@ -139,12 +139,25 @@ class TwistStamped:
     twist: Twist = field(default_factory=Twist)
 
 
+def _require_covariance(values: list[float]) -> None:
+    """Require the 36 numbers of a 6 x 6 matrix.
+
+    Raises:
+        ValueError: there is another number of them.
+    """
+    if len(values) != 36:
+        raise ValueError(f"a covariance has 36 numbers, row by row, got {len(values)}")
+
+
 @dataclass
 class PoseWithCovariance:
     """geometry_msgs/PoseWithCovariance."""
 
     pose: Pose = field(default_factory=Pose)
     covariance: list[float] = field(default_factory=lambda: [0.0] * 36)
+
+    def __post_init__(self) -> None:
+        _require_covariance(self.covariance)
 
 
 @dataclass
@@ -153,6 +166,9 @@ class TwistWithCovariance:
 
     twist: Twist = field(default_factory=Twist)
     covariance: list[float] = field(default_factory=lambda: [0.0] * 36)
+
+    def __post_init__(self) -> None:
+        _require_covariance(self.covariance)
 
 
 @dataclass

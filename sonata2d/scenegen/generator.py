@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache, partial
@@ -74,18 +76,27 @@ def generate(config: str | Path | ScenarioConfig, seed: int = 0, episode: int = 
     stream_of = cache(partial(RandomStream, seed, episode, "scene"))
     clusters = sample_entities(scenario, rng, stream_of)
     reactions = ReactionSampler(config.person, seed, episode)
-    for attempt in range(1, config.max_layouts + 1):
+    failures: list[SceneError] = []
+    while True:
         try:
             scene = _try_layout(scenario, plan, fixed, clusters, journeys, reactions, rng, stream_of)
             break
-        except SceneError:
-            if attempt == config.max_layouts:
-                raise
+        except SceneError as error:
+            failures.append(error)
+            if len(failures) == config.max_layouts:
+                raise _most_frequent(failures) from None
     scene = with_visitors(scene, scenario, journeys, reactions, journey_rng)
     if scene.robots:
         last = max([0, *(human.id for human in scene.humans), *(piece.id for piece in scene.furniture)])
         scene = replace(scene, robots=tuple(replace(robot, id=last + k) for k, robot in enumerate(scene.robots, 1)))
     return scene.drawn_as(seed, episode, config.settings())
+
+
+def _most_frequent(failures: list[SceneError]) -> SceneError:
+    """The last failure of the kind that prevented most layouts; messages of one kind differ in numbers."""
+    kinds = [re.sub(r"[\d-]", "", str(failure)) for failure in failures]
+    kind = Counter(kinds).most_common(1)[0][0]
+    return failures[len(kinds) - 1 - kinds[::-1].index(kind)]
 
 
 def _check_furniture(fixed: tuple[Furniture, ...], plan: FloorPlan) -> None:

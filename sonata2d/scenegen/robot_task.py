@@ -121,7 +121,8 @@ def _check_given(config: ScenarioConfig, layout: Layout, space: FreeSpace) -> No
     if len(positions) == 2 and space.path(positions["start"], positions["goal"]) is None:
         (x, y), (u, v) = positions["start"], positions["goal"]
         raise SceneError(
-            f"there is no path for the robot from its start ({x:g}, {y:g}) to its goal ({u:g}, {v:g}); move one of them"
+            f"there is no path for the robot from its start ({x:g}, {y:g}) to its goal ({u:g}, {v:g}); move one of "
+            "them, or give the robot a smaller body"
         )
 
 

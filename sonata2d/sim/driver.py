@@ -36,13 +36,18 @@ class Driver:
         sensors: of the controller.
 
     Raises:
-        ControllerError: the controller requests an image, and no renderer is given.
+        ControllerError: the controller requests an image, and no renderer is given, or `partial` is neither True nor
+            False.
     """
 
     def __init__(self, controller: Controller, scene: Scene, info: ControllerInfo, renderer: Renderer | None) -> None:
         if controller.image is not None and renderer is None:
             raise ControllerError(
                 f"{type(controller).__name__} requests a camera image; give Episode(renderer=sonata2d.view.image_of)"
+            )
+        if not isinstance(controller.partial, bool):
+            raise ControllerError(
+                f"partial of {type(controller).__name__} must be True or False, got {shown(controller.partial)}"
             )
         self.controller, self.robot_id, self.info, self._renderer = controller, scene.robot_id, info, renderer
         self.sensors = SensorSuite(controller.sensors, scene, renderer)

@@ -90,6 +90,7 @@ def test_json_holds_what_was_written_and_has_no_infinities(readings: Any) -> Non
         (ros.LaserScan, '{"ranges": [1, "b"]}', r"LaserScan.ranges\[1\] must be a number, got 'b'"),
         (ros.Odometry, '{"child_frame_id": null}', "Odometry.child_frame_id must be a string, got None"),
         (ros.Header, '{"stamp": {"sec": null}}', "Header.stamp.sec must be a whole number, got None"),
+        (ros.Odometry, '{"pose": {"covariance": [1, 2]}}', "a covariance has 36 numbers, row by row, got 2"),
     ],
 )
 def test_json_with_values_of_other_types_is_refused(kind: type, text: str, message: str) -> None:

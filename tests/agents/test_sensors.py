@@ -315,6 +315,8 @@ def test_a_camera_takes_the_picture_that_image_requests() -> None:
         (lambda: Camera(height=64.5), "height"),  # type: ignore[arg-type]
         (lambda: Camera(view="front"), "view must be follow or top, got 'front'"),  # type: ignore[arg-type]
         (lambda: Camera(view_range=math.nan), "view_range"),
+        (lambda: Lidar(heading=90), "heading must be within -2 pi and 2 pi, in rad, got 90"),
+        (lambda: FieldOfView(occlusion="no"), "occlusion must be True or False, got 'no'"),  # type: ignore[arg-type]
     ],
 )
 def test_settings_of_sensors_are_checked(make: Callable[[], Sensor], message: str) -> None:
@@ -393,7 +395,12 @@ def test_misuse_of_sensors_says_what_to_write() -> None:
     class PartialPlanner(s2.SocialPlanner):
         partial = True
 
+    class Half(s2.StraightToGoal):
+        partial = "yes"  # type: ignore[assignment]
+
     scene = s2.generate("sonata-2020", 2)
+    with pytest.raises(ControllerError, match="partial of Half must be True or False, got 'yes'"):
+        s2.Episode(scene, Half())
     with pytest.raises(ControllerError, match=r"write sensors = \(Lidar\(\),\)"):
         s2.Episode(scene, One(), renderer=renderer_for(One()))
     with pytest.raises(ControllerError, match="it cannot be partial"):

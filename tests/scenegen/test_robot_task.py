@@ -9,6 +9,7 @@ import pytest
 from sonata2d.errors import ConfigError, SceneError
 from sonata2d.scenegen.generator import generate
 from sonata2d.scenegen.scenario.config import ScenarioConfig
+from sonata2d.scenegen.scenario.load import load_scenario
 
 ROOM = {"polygon": [[-6, -6], [6, -6], [6, 6], [-6, 6]], "walls": [[-6, 2, 6, 2]]}
 EMPTY: dict[str, Any] = {"standing": 0, "wandering": 0, "tables": 0, "plants": 0, "relations": 0, "room": ROOM}
@@ -60,3 +61,11 @@ def test_without_paths_the_error_names_the_setting() -> None:
 def test_an_impossible_start_or_goal_is_an_error(settings: dict[str, Any], message: str) -> None:
     with pytest.raises(SceneError, match=message):
         generate(ScenarioConfig(**EMPTY, **settings), 1)
+
+
+def test_the_error_is_that_of_most_layouts() -> None:
+    """A robot that is too large for the door: in a few layouts the person has no space either."""
+    config = load_scenario("narrow-doorway").changed(robot={"radius": 0.7})
+    for seed in range(4):
+        with pytest.raises(SceneError, match=r"no path for the robot .* or give the robot a smaller body"):
+            generate(config, seed)

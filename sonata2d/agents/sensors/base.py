@@ -99,8 +99,9 @@ class Sensor(FloatFields, ABC):
         if self.rate is not None and not self.rate > 0.0:
             raise ValueError(f"rate must be positive, got {self.rate}")
         finite_number("latency", self.latency, 0.0)
-        if not isinstance(self.record, bool):
-            raise ValueError(f"record must be True or False, got {self.record!r}")
+        for name in (each.name for each in fields(self) if each.type in (bool, "bool")):
+            if not isinstance(getattr(self, name), bool):
+                raise ValueError(f"{name} must be True or False, got {getattr(self, name)!r}")
 
     @abstractmethod
     def start(self, scene: Scene) -> Measure:

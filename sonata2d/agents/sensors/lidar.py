@@ -87,7 +87,8 @@ class Lidar(Sensor):
         positive_number("distance", self.distance)
         for name in ("nearest", "noise", "dropout"):
             finite_number(name, getattr(self, name), 0.0)
-        finite_number("heading", self.heading)
+        if abs(finite_number("heading", self.heading)) > 2.0 * math.pi:
+            raise ValueError(f"heading must be within -2 pi and 2 pi, in rad, got {self.heading!r}")
         if len(self.mount) != 2 if isinstance(self.mount, tuple) else True:
             raise ValueError(f"mount is a position (x, y) in the frame of the robot, got {self.mount!r}")
         angle_of_view(self.angle)

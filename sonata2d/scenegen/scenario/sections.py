@@ -328,7 +328,7 @@ class RobotConfig(Settings):
             stops; differential, omni, bicycle, or the drive of a plug-in.
         drive: parameters of the drive by name, which replace its defaults.
         radius: m, of a disc.
-        body: another outline.
+        body: another outline, in place of the disc; `radius` then has no effect.
         limits: of the drive.
         clearance: minimum clearance of a drawn start from walls, furniture and pedestrians, m.
         pose: x, y (m), theta (rad) of the start, world frame; default: drawn.
