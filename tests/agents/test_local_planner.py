@@ -155,3 +155,23 @@ def test_a_planner_that_takes_over_knows_how_the_wheels_stand() -> None:
     twist = branch.snapshot().robot.executed
     assert planner._rollouts.value.memory[0] == pytest.approx(np.arctan(0.5 * twist.omega / twist.vx), abs=0.16)
     assert abs(planner._rollouts.value.memory[0]) > 0.1
+
+
+@pytest.mark.parametrize("dt", [0.05, 0.1, 0.25])
+def test_the_plan_of_mppi_moves_on_with_time_and_not_with_ticks(dt: float) -> None:
+    class Still(Mppi):
+        """Keeps the first commands of the plans that it prices."""
+
+        def _prices(self, commands: Any) -> Any:
+            first.append(int(commands[0, 0, 0]))
+            return np.ones(len(commands))
+
+    first: list[int] = []
+    controller = Still(samples=2)
+    controller.reset(s2.generate(s2.load_scenario("empty").changed(rules={"dt": dt}), seed=1))
+    controller._low[:], controller._high[:] = -100.0, 100.0
+    for _ in range(12):
+        controller._nominal[:] = np.arange(10.0)[:, None]  # numbers of the steps
+        controller._plan()
+    assert set(first) <= {0, 1, 2}
+    assert abs(sum(first) - 12 * dt / 0.2) <= 1.0

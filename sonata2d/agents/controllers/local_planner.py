@@ -387,12 +387,13 @@ class Mppi(LocalPlanner):
         sideways = scene.robot.sideways_limit
         self._low = np.array([-limits.back, -sideways, -limits.turn])
         self._high = np.array([limits.ahead, sideways, limits.turn])
-        self._nominal, self._count = np.zeros((STEPS, 3)), 0
+        self._nominal, self._count, self._ticks_of_step = np.zeros((STEPS, 3)), 0, STEP / scene.rules.dt
 
     def _plan(self) -> Array:
-        if self._count % 2 == 1:  # a step is two ticks
+        past, self._count = self._count, self._count + 1
+        begun = [int(max(count, 0) / self._ticks_of_step + 0.5 + 1e-9) for count in (past - 1, past)]
+        for _ in range(min(begun[1] - begun[0], STEPS)):  # the plan moves on by the steps that have begun
             self._nominal = np.concatenate((self._nominal[1:], self._nominal[-1:]))
-        self._count += 1
         noise = self._noise.normals(self.samples * STEPS * 3).reshape(self.samples, STEPS, 3)
         for t in range(1, STEPS):  # slowly changing
             noise[:, t] = 0.8 * noise[:, t - 1] + 0.6 * noise[:, t]
