@@ -206,6 +206,7 @@ def _episode_rows(path: Path) -> Rows:
     recorded = sum(human.behaviour == "recorded" for human in scene.humans)
     sometimes_absent = int((~record.states.present).any(axis=0).sum())
     missing = record.never_entered
+    other_paths = [info.path for info in record.controller_info.others]
     landmarks = {"doors": scene.doors, "queues": scene.queues, "places of interest": scene.places}
     goal = f"({scene.goal.x:.6g}, {scene.goal.y:.6g}), reached within {scene.goal.distance:g} m"
     rows: Rows = [
@@ -213,6 +214,11 @@ def _episode_rows(path: Path) -> Rows:
         ("scenario", scene.family),
         ("seed, episode", [record.seed, record.episode]),
         ("controller", record.controller_info.path),
+        *(
+            [("other robots", dict(Counter(info.path for info in record.controller_info.others)))]
+            if scene.robots
+            else []
+        ),
         ("contributor", record.contributor),
         ("context", record.context),
         ("people", f"{len(scene.humans)}, {walking} of them walking at the start"),

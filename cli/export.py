@@ -47,7 +47,14 @@ def _types(ctx: click.Context, _: click.Parameter, values: tuple[str, ...]) -> d
     callback=_types,
     help="Format socnav3: write objects of a type, or of all types that it does not list, as another; may be repeated.",
 )
-@click.option("--robot", type=int, metavar="ID", help="Formats sonata, socnav3: of several robots, the one to export.")
+@click.option(
+    "--robot",
+    type=click.IntRange(0),
+    default=0,
+    metavar="N",
+    show_default=True,
+    help="Formats sonata, socnav3: of several robots, the number of the one to export; 0 is the first.",
+)
 @click.option(
     "--robots-as",
     type=click.Choice(["people", "objects"]),
@@ -70,7 +77,7 @@ def command(
     quirks: str | None,
     context: str | None,
     types: dict[str, str],
-    robot: int | None,
+    robot: int,
     robots_as: Literal["people", "objects"],
     shard_size: int | None,
     workers: WorkerOptions,

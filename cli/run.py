@@ -49,7 +49,7 @@ def command(scenario: str, controller: str, seed: int, episode: int, outputs: tu
     """
     from sonata2d.agents.controllers.loading import load_controller
     from sonata2d.metrics.catalogue import headline_metrics
-    from sonata2d.metrics.measurement import measure
+    from sonata2d.metrics.measurement import measure_together
     from sonata2d.metrics.summary import format_number
     from sonata2d.record.files import SUFFIXES, write_document
     from sonata2d.record.recorder import EpisodeRecorder
@@ -78,7 +78,7 @@ def command(scenario: str, controller: str, seed: int, episode: int, outputs: tu
             render(list(record.snapshots()), path, outcome=record.outcome.status, advance=advance,
                    commands=record.command.tolist(), labels=record.labels)  # fmt: skip
     metrics = headline_metrics()
-    values = measure(record, metrics, rerun=False)
+    values = measure_together(record, metrics, rerun=False)
     written = [str(path) for path in outputs]
     if wants_json():
         show_json({"scene": scene.name, "seed": seed, "episode": episode, "controller": info.path,
@@ -90,6 +90,11 @@ def command(scenario: str, controller: str, seed: int, episode: int, outputs: tu
         [
             ("scenario", f"{scene.family}, seed {seed}, episode {episode}, {counted(len(scene.humans), 'person')}"),
             ("controller", info.path),
+            *(
+                [("other robots", ", ".join(each.path for each in record.controller_info.others))]
+                if scene.robots
+                else []
+            ),
             ("outcome", f"{record.outcome.status}: {record.outcome.reason}, after {record.outcome.time:g} s"),
             *((metric.name, f"{format_number(value)} {_unit(metric.unit)}".rstrip()) for metric, value in known),
         ]

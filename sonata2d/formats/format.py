@@ -36,7 +36,7 @@ class Options(FloatFields):
         types: type of an object that a format does not list: the type that is written in its place.
         renumber: on import, replace ids that a file uses twice by new ones.
         walls: on import, a file with the walls of the room (`x1,y1,x2,y2` in m), for files without walls.
-        robot: of several robots, the id of the one that is exported as the robot; None: the first.
+        robot: of several robots, the number of the one that is exported as the robot, 0 the first.
         robots_as: what the other robots are exported as, `people` or `objects`.
     """
 
@@ -50,7 +50,7 @@ class Options(FloatFields):
     types: Mapping[str, str] = field(default_factory=dict)
     renumber: bool = False
     walls: Path | None = None
-    robot: int | None = None
+    robot: int = 0
     robots_as: Literal["people", "objects"] = "people"
 
 

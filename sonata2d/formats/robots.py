@@ -27,12 +27,15 @@ def of_one_robot(record: EpisodeRecord, options: Options, *, ends_on_arrival: bo
     Raises:
         UnsuitableEpisode: there is no such robot.
     """
-    chosen = ROBOT_ID if options.robot is None else options.robot
-    if chosen not in record.robot_ids:
-        ids = ", ".join(map(str, record.robot_ids))
-        raise UnsuitableEpisode(record.path, f"there is no robot {chosen}; it has {ids}", "choose one of these")
-    if len(record.robot_ids) == 1:
+    count = len(record.robot_ids)
+    if not 0 <= options.robot < count:
+        numbers = f"0 to {count - 1}" if count > 1 else "0 only"
+        raise UnsuitableEpisode(
+            record.path, f"there is no robot {options.robot}; it has {numbers}", "choose one of these"
+        )
+    if count == 1:
         return record
+    chosen = record.robot_ids[options.robot]
     record = record.seen_by(chosen)
     document = (record.until_arrival() if ends_on_arrival else record).document
     robots = [other | {"id": chosen if other["id"] == ROBOT_ID else other["id"]} for other in document["robots"]]

@@ -40,7 +40,7 @@ def measure(
     """Compute metrics of one episode; of several robots, those of one until it reaches its goal.
 
     Args:
-        record: the episode; `record.seen_by(id)` is that of another robot.
+        record: the episode; `record.seen_by(id)` is that of another robot. `measure_together` measures all robots.
         metrics: by default all, with the variants of other projects.
         rerun: whether to run the seed again without a robot, for the metrics of its effect on humans. This takes as
             long as an episode, and is skipped for episodes made by another version of the physics.
@@ -50,6 +50,17 @@ def measure(
     """
     record = record.until_arrival()
     return _values(Trajectory(record, without_robot(record) if rerun else None), metrics, missing_data(record))
+
+
+def measure_together(
+    record: EpisodeRecord, metrics: Iterable[Metric] = tuple(ALL.values()), *, rerun: bool = True
+) -> dict[str, float | None]:
+    """Compute metrics of all robots of an episode together, as tables show them, see `Measured.values`.
+
+    Args:
+        record, metrics, rerun: as of `measure`.
+    """
+    return _together([measure(record.seen_by(id), metrics, rerun=rerun) for id in record.robot_ids])
 
 
 def measure_files(
@@ -148,17 +159,19 @@ def _measure_file(path: Path, runs: list[RunWithoutRobot] | None) -> Measured:
         episode=record.episode,
         scene=scene_hash(record),
         outcome=record.outcome.status,
-        values=_together(robots) if robots else _values(Trajectory(record, undisturbed), ALL.values(), lacks),
+        values=_together([*robots.values()])
+        if robots
+        else _values(Trajectory(record, undisturbed), ALL.values(), lacks),
         lacks=tuple(sorted(lacks)),
         robots=robots,
     )
 
 
-def _together(robots: dict[int, dict[str, float | None]]) -> dict[str, float | None]:
+def _together(robots: list[dict[str, float | None]]) -> dict[str, float | None]:
     """The values of several robots together, see `Measured`."""
     values: dict[str, float | None] = {}
-    for name, metric in ALL.items():
-        defined = [value for each in robots.values() if (value := each[name]) is not None]
+    for name in robots[0]:
+        metric, defined = ALL[name], [value for each in robots if (value := each[name]) is not None]
         if not defined:
             values[name] = None
         elif metric.unit == "count":

@@ -1,8 +1,8 @@
-"""Counts of a run for a manifest: frames with contacts of the robot, and commands beyond its limits."""
+"""Counts of a run for a manifest: frames with contacts of its robots, and commands beyond their limits."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -16,9 +16,15 @@ ANY_KIND = "any"
 _LIMIT_TOLERANCE = 2e-4  # m/s, rad/s: recorded commands are rounded to 1e-4
 
 
-def run_counts(robot: Robot, contacts: Iterable[Iterable[Contact]], command: Array) -> JsonDict:
-    """Return the counts of one run: the keys `contacts` and `commands_beyond_limits` of its manifest row."""
-    return {"contacts": count_contacts(contacts), "commands_beyond_limits": commands_beyond_limits(robot, command)}
+def run_counts(robots: Sequence[Robot], contacts: Iterable[Iterable[Contact]], commands: Array) -> JsonDict:
+    """Return the counts of one run: the keys `contacts` and `commands_beyond_limits` of its manifest row.
+
+    Args:
+        robots: R of them.
+        contacts: of all robots, in each of the T + 1 states.
+        commands: (R, T, 3), vx, vy (m/s), omega (rad/s), body frame.
+    """
+    return {"contacts": count_contacts(contacts), "commands_beyond_limits": commands_beyond_limits(robots, commands)}
 
 
 def merged_counts(first: JsonDict, second: JsonDict) -> JsonDict:
@@ -39,7 +45,7 @@ def merged_counts(first: JsonDict, second: JsonDict) -> JsonDict:
 
 
 def count_contacts(contacts: Iterable[Iterable[Contact]]) -> dict[str, dict[str, int]]:
-    """Count the frames in which the robot is in contact.
+    """Count the frames in which the robot, or one of several, is in contact.
 
     A frame counts as in contact if a contact is detected during its tick; the file states it in the next state, which
     is the final state for the last frame.
@@ -66,28 +72,28 @@ def count_contacts(contacts: Iterable[Iterable[Contact]]) -> dict[str, dict[str,
     return {kind: counts[kind] for kind in (ANY_KIND, *CONTACT_KINDS) if kind in counts}
 
 
-def commands_beyond_limits(robot: Robot, command: Array) -> dict[str, dict[str, float]]:
-    """Count the frames whose command exceeds the velocity limits of the robot's drive, which executes less then.
+def commands_beyond_limits(robots: Sequence[Robot], commands: Array) -> dict[str, dict[str, float]]:
+    """Count the frames in which a command exceeds the velocity limits of the robot's drive, which executes less then.
 
     Args:
-        robot: its kinematics and limits; the sideways limit of a unicycle is 0.
-        command: (T, 3), columns vx (m/s), vy (m/s), omega (rad/s), body frame.
+        robots: R of them, with kinematics and limits; the sideways limit of a unicycle is 0.
+        commands: (R, T, 3), columns vx (m/s), vy (m/s), omega (rad/s), body frame.
 
     Returns:
         By component (vx, vy, omega): number of frames, and the command that exceeds its limit most, with that limit;
         without signs, so that a mirror image has the same. Components that stay within their limits are left out.
     """
-    limits, sideways = robot.limits, robot.sideways_limit
-    lower = np.array([-limits.back, -sideways, -limits.turn])
-    upper = np.array([limits.ahead, sideways, limits.turn])
-    excess = np.maximum(command - upper, lower - command)
+    bounds = [(each.limits, each.sideways_limit) for each in robots]
+    lower = np.array([(-limits.back, -sideways, -limits.turn) for limits, sideways in bounds])[:, None]
+    upper = np.array([(limits.ahead, sideways, limits.turn) for limits, sideways in bounds])[:, None]
+    excess = np.maximum(commands - upper, lower - commands)
     excesses: dict[str, dict[str, float]] = {}
-    for k in np.flatnonzero((excess > _LIMIT_TOLERANCE).any(axis=0)).tolist():
-        worst = int(np.argmax(excess[:, k]))
-        value = float(command[worst, k])
+    for k in np.flatnonzero((excess > _LIMIT_TOLERANCE).any(axis=(0, 1))).tolist():
+        robot, frame = divmod(int(np.argmax(excess[..., k])), excess.shape[1])
+        value = float(commands[robot, frame, k])
         excesses[COMMAND_NAMES[k]] = {
-            "frames": int(np.count_nonzero(excess[:, k] > _LIMIT_TOLERANCE)),
+            "frames": int(np.count_nonzero((excess[..., k] > _LIMIT_TOLERANCE).any(axis=0))),
             "command": abs(value),
-            "limit": abs(float(upper[k] if value > 0.0 else lower[k])),
+            "limit": abs(float((upper if value > 0.0 else lower)[robot, 0, k])),
         }
     return excesses

@@ -303,15 +303,21 @@ class EpisodeRecord(Drawable):
         return never_entered(self.scene().humans, np.logical_or.reduce(self.states.present), self.outcome.tick)
 
     def counts(self) -> JsonDict:
-        """Return the contacts, and the commands beyond the robot's limits, as a manifest holds them.
+        """Return the contacts, and the commands beyond the limits, of all robots, as a manifest holds them.
 
         Empty for an imported episode, whose contacts were not recorded.
         """
         if self.document.get("imported"):
             return {}
         states = [*self.document["frames"], self.document["final"]]
-        contacts = [[_contact(row) for row in state["contacts"]] for state in states]
-        return run_counts(self._scene.robot, contacts, self.command)
+        contacts = [
+            [_contact(row) for robot in (state, *(state.get("robots") or ())) for row in robot["contacts"]]
+            for state in states
+        ]
+        others = [[robot["command"] for robot in frame.get("robots") or ()] for frame in self.document["frames"]]
+        count = len(self._scene.robots)
+        commands = np.concatenate((self.command[:, None], np.array(others, dtype=float).reshape(-1, count, 3)), axis=1)
+        return run_counts([robot for robot, _ in self._scene.tasks], contacts, commands.swapaxes(0, 1))
 
     def scene(self) -> Scene:
         """Return the scene, equal to the one that was recorded."""

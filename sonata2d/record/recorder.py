@@ -193,7 +193,7 @@ class EpisodeRecorder:
         return f"<{name}: {content}{ended}>"
 
     def counts(self) -> JsonDict:
-        """Return the contacts, and the commands beyond the robot's limits, as a manifest holds them.
+        """Return the contacts, and the commands beyond the limits, of all robots, as a manifest holds them.
 
         Raises:
             RecordError: the episode has not begun.
@@ -206,10 +206,11 @@ class EpisodeRecorder:
     @staticmethod
     def _counts_of(scene: Scene, segments: Sequence[Segment], answers: Sequence[Answer]) -> JsonDict:
         """Counts of some states and answers."""
-        commands = np.array([answer[0] for answer in answers], dtype=float)
-        touching = (segment for segment in segments if segment.contacts)
-        contacts = chain.from_iterable(repeat(segment.contacts, len(segment.rows)) for segment in touching)
-        return run_counts(scene.robot, contacts, rounded(commands.reshape(-1, 3)))
+        robots = [robot for robot, _ in scene.tasks]
+        commands = np.array([[answer[0], *(other for other, _ in answer[2])] for answer in answers], dtype=float)
+        each = ((segment, (*segment.contacts, *chain(*segment.contacts_of_robots))) for segment in segments)
+        contacts = chain.from_iterable(repeat(touched, len(segment.rows)) for segment, touched in each if touched)
+        return run_counts(robots, contacts, rounded(commands.reshape(-1, len(robots), 3)).swapaxes(0, 1))
 
     def _last_snapshot(self) -> Snapshot:
         """The last state that was recorded."""

@@ -51,9 +51,12 @@ def draw_other_robots(
         SceneError: as `draw_robot_task`; or given starts overlap.
     """
     drawn, others = [first], list[OtherRobot]()
+    tasks = [(config.with_task(robot, goal), controller) for robot, goal, controller in config.other_tasks]
+    for k, (each, _) in enumerate(tasks):  # a given start may be the goal of another robot
+        _check_given(each, layout, _free_space(each, layout, barriers), f"robot {k + 2}")
     _occupy(layout, *first)
-    for robot, goal, controller in config.other_tasks:
-        task = draw_robot_task(config.with_task(robot, goal), layout, barriers, rng)
+    for each, controller in tasks:
+        task = _drawn_task(each, layout, _free_space(each, layout, barriers), rng, f"robot {len(drawn) + 1}")
         pose, outline = task[0].pose, task[0].outline
         for k, (other, _) in enumerate(drawn):
             if shape_gap(outline, pose, other.outline, other.pose) < _APART:
@@ -85,9 +88,34 @@ def draw_robot_task(
         SceneError: a given start or goal is not free; no path connects a given start and goal; or `max_attempts` pairs
             of start and goal failed.
     """
-    # The largest circle within the outline: a robot that turns along its path passes where this circle does.
-    space = FreeSpace(layout.plan.outline, barriers, config.robot.outline.inradius + _PATH_MARGIN)
-    _check_given(config, layout, space)
+    space = _free_space(config, layout, barriers)
+    _check_given(config, layout, space, "the robot")
+    return _drawn_task(config, layout, space, rng, "the robot")
+
+
+def _free_space(config: ScenarioConfig, layout: Layout, barriers: Barriers) -> FreeSpace:
+    """The places where the robot can be on its path, whose heading the path does not know.
+
+    The robot passes where the largest circle within its outline does, since it can turn along its path. If it cannot
+    move sideways, its width must pass too.
+    """
+    outline, radius = config.robot.outline, config.robot.outline.inradius
+    if not config.robot.moves_sideways:
+        sides = np.array(outline.core, dtype=float).reshape(-1, 2)[:, 1]
+        radius = max(radius, float(sides.max() - sides.min()) / 2.0 + outline.rounding)
+    return FreeSpace(layout.plan.outline, barriers, radius + _PATH_MARGIN)
+
+
+def _drawn_task(
+    config: ScenarioConfig, layout: Layout, space: FreeSpace, rng: RandomStream, name: str
+) -> tuple[Robot, Goal]:
+    """Draw what is not given of a start and a goal.
+
+    Args:
+        config, layout, rng: as of `draw_robot_task`.
+        space: see `_free_space`.
+        name: of the robot in messages.
+    """
     paths, sample_point = path_segments(config.people), layout.plan.sample_point
     pose, position = config.robot.pose, config.goal.position
     for _ in range(config.max_attempts):
@@ -95,16 +123,15 @@ def draw_robot_task(
         goal = Pose(*(position or sample_point(rng))).rounded()
         if _is_feasible(config, layout, space, paths, start, goal):
             return _create_robot(config, start), _create_goal(config, goal, rng)
-    remedy = "or ask for fewer humans and less furniture"
-    if config.robot.on_ways is not None:
-        remedy = "ask for fewer humans and less furniture, or set robot.on_ways to null"
+    fewer = "fewer humans and robots" if config.robots else "fewer humans"
+    last = "set robot.on_ways to null" if config.robot.on_ways is not None else "make the robot smaller"
     raise SceneError(
-        f"no free start and goal for the robot in a {layout.plan.size_text} room after {config.max_attempts} attempts; "
-        f"widen the room, {remedy}"
+        f"no free start and goal for {name} in a {layout.plan.size_text} room after {config.max_attempts} attempts; "
+        f"widen the room, ask for {fewer} and less furniture, or {last}"
     )
 
 
-def _check_given(config: ScenarioConfig, layout: Layout, space: FreeSpace) -> None:
+def _check_given(config: ScenarioConfig, layout: Layout, space: FreeSpace, robot: str) -> None:
     """Check that a given start and a given goal are free, and connected by a path."""
     places = (("start", config.robot.pose), ("goal", config.goal.position))
     positions = {name: Pose(*place).rounded().position for name, place in places if place is not None}
@@ -113,15 +140,15 @@ def _check_given(config: ScenarioConfig, layout: Layout, space: FreeSpace) -> No
         if not space.is_free(point)[0]:
             inside = inside_polygon(point, space.outline)[0]
             reason = "inside or too close to a wall, furniture or a standing person" if inside else "outside the room"
-            raise SceneError(f"the robot's {name} ({x:g}, {y:g}) is {reason}; move it")
+            raise SceneError(f"{robot}'s {name} ({x:g}, {y:g}) is {reason}; move it")
     shape, pose = config.robot.outline, Pose(*config.robot.pose).rounded() if config.robot.pose else None
     if pose and config.robot.body and not layout.is_free(shape, pose, _APART, _APART, ignores_robot=True):
         place = f"({pose.x:g}, {pose.y:g}, {pose.theta:g})"
-        raise SceneError(f"the robot's body overlaps something at its start {place}; move it, or turn it")
+        raise SceneError(f"{robot}'s body overlaps something at its start {place}; move it, or turn it")
     if len(positions) == 2 and space.path(positions["start"], positions["goal"]) is None:
         (x, y), (u, v) = positions["start"], positions["goal"]
         raise SceneError(
-            f"there is no path for the robot from its start ({x:g}, {y:g}) to its goal ({u:g}, {v:g}); move one of "
+            f"there is no path for {robot} from its start ({x:g}, {y:g}) to its goal ({u:g}, {v:g}); move one of "
             "them, or give the robot a smaller body"
         )
 

@@ -126,12 +126,12 @@ def test_a_changed_count_is_found_by_the_check(careless: Path, tmp_path: Path) -
 def test_commands_beyond_the_limits_are_counted_by_component() -> None:
     command = np.array([[1.0, 0.0, 0.0], [1.0001, 0.0, -3.0], [-0.75, 0.1, 1.5], [-2.0, 0.0, 1.5]])
     robot = Robot(Pose(0.0, 0.0), limits=Limits(ahead=1.0, back=0.5, sideways=0.5, turn=1.5))
-    excess = commands_beyond_limits(robot, command)
+    excess = commands_beyond_limits([robot], command[None])
     assert excess["vx"] == {"frames": 2, "command": 2.0, "limit": 0.5}
     assert excess["omega"] == {"frames": 1, "command": 3.0, "limit": 1.5}
     assert "vy" not in excess
     unicycle = Robot(Pose(0.0, 0.0), kinematics="unicycle")
-    assert commands_beyond_limits(unicycle, command)["vy"] == {"frames": 1, "command": 0.1, "limit": 0.0}
+    assert commands_beyond_limits([unicycle], command[None])["vy"] == {"frames": 1, "command": 0.1, "limit": 0.0}
 
 
 @pytest.mark.parametrize("workers", [1, 2])

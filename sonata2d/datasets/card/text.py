@@ -51,6 +51,7 @@ def card_text(manifest: JsonDict, licence: str | None = None) -> str:
         pedestrians=pedestrian_kinds(manifest),
         drivers=len(manifest["counts"].get("contributor") or ()),
         controller=(manifest["controller"] or {}).get("path", ""),
+        others=_other_robots(manifest),
         command=_generating_command(manifest),
         episodes=totals.episodes,
         frames=totals.frames,
@@ -58,6 +59,12 @@ def card_text(manifest: JsonDict, licence: str | None = None) -> str:
         excess=totals.excess,
     )
     return text
+
+
+def _other_robots(manifest: JsonDict) -> str:
+    """The controllers of the robots besides the first one with their numbers; empty without any."""
+    robots = (manifest.get("settings") or {}).get("robots") or ()
+    return ", ".join(f"{robot['count']} with `{robot['controller']}`" for robot in robots)
 
 
 def _generating_command(manifest: JsonDict) -> str:

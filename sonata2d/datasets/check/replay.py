@@ -260,12 +260,17 @@ def _not_installed(info: ControllerInfo) -> str:
         remedy = (
             " of an installed package; install the package that provides it"
             if is_plugin
-            else f", and code that a file names is not run; if you trust it, give --controller {recorded}"
+            else f", and code that a file names is not run; if you trust it, give --controller {_place_of(recorded)}"
         )
         inner = inner_of(settings)
         which = f"the controller {recorded!r}{f' around {inner[0]!r}' if inner else ''}"
         return f"{which} is neither built in nor a plug-in{remedy}"
     return ""
+
+
+def _place_of(recorded: str) -> str:
+    """The name of a controller for the command line; of one in a script that was run, a placeholder for its file."""
+    return recorded.replace("__main__:", "./FILE.py:") if recorded.startswith("__main__:") else recorded
 
 
 def _original(record: EpisodeRecord) -> tuple[EpisodeRecord, list[Problem]]:
