@@ -214,11 +214,7 @@ def _episode_rows(path: Path) -> Rows:
         ("scenario", scene.family),
         ("seed, episode", [record.seed, record.episode]),
         ("controller", record.controller_info.path),
-        *(
-            [("other robots", dict(Counter(info.path for info in record.controller_info.others)))]
-            if scene.robots
-            else []
-        ),
+        *([("other robots", dict(Counter(other_paths)))] if other_paths else []),
         ("contributor", record.contributor),
         ("context", record.context),
         ("people", f"{len(scene.humans)}, {walking} of them walking at the start"),

@@ -85,16 +85,13 @@ def command(scenario: str, controller: str, seed: int, episode: int, outputs: tu
                    "outcome": record.outcome.status, "reason": record.outcome.reason, "frames": len(record),
                    "metrics": values, "written": written})  # fmt: skip
         return
+    others = [each.path for each in record.controller_info.others]
     known = [(metric, value) for metric in metrics if (value := values[metric.name]) is not None]
     show_table(
         [
             ("scenario", f"{scene.family}, seed {seed}, episode {episode}, {counted(len(scene.humans), 'person')}"),
             ("controller", info.path),
-            *(
-                [("other robots", ", ".join(each.path for each in record.controller_info.others))]
-                if scene.robots
-                else []
-            ),
+            *([("other robots", ", ".join(others))] if others else []),
             ("outcome", f"{record.outcome.status}: {record.outcome.reason}, after {record.outcome.time:g} s"),
             *((metric.name, f"{format_number(value)} {_unit(metric.unit)}".rstrip()) for metric, value in known),
         ]

@@ -103,7 +103,7 @@ def require_supported(format: str, options: Options) -> None:
     from sonata2d.formats.api import unsupported_options
 
     if names := unsupported_options(format, options):
-        flag = _FLAGS.get(names[0], f"--{names[0]}")
+        flag = _FLAGS.get(names[0], f"--{names[0].replace('_', '-')}")
         raise click.ClickException(f"the format {format} does not use {flag}; leave it out")
 
 

@@ -272,12 +272,14 @@ CASES: dict[str, Callable[[Number], Any]] = {
     "sonata2d.agents.Drive": lambda n: Differential(n(1), n(2), n(3)),
     "sonata2d.agents.Drive.memory_of": lambda n: Bicycle.memory_of(np.array([n(1)]), np.array([n(1), n(0), n(1)])),
     "sonata2d.agents.Camera": lambda n: s2a.Camera(rate=n(2), latency=n(1), view_range=n(3)),
-    "sonata2d.agents.FieldOfView": lambda n: s2a.FieldOfView("view", n(2), n(1), n(2), n(5)),
+    "sonata2d.agents.FieldOfView": lambda n: s2a.FieldOfView("view", n(2), n(5), rate=n(2), latency=n(1)),
     "sonata2d.agents.Lidar": lambda n: s2a.Lidar(
-        "scan", n(2), n(1), 8, n(3), n(5), n(0), (n(1), n(0)), n(1), n(0), n(0)
+        "scan", 8, n(3), n(5), n(0), (n(1), n(0)), n(1), n(0), n(0), rate=n(2), latency=n(1)
     ),
-    "sonata2d.agents.Odometry": lambda n: s2a.Odometry("odometry", n(2), n(1), n(0), n(1), n(0), n(1)),
-    "sonata2d.agents.PeopleDetector": lambda n: s2a.PeopleDetector("people", n(2), n(1), n(2), n(5), True, n(0), n(1)),
+    "sonata2d.agents.Odometry": lambda n: s2a.Odometry("odometry", n(0), n(1), n(0), n(1), rate=n(2), latency=n(1)),
+    "sonata2d.agents.PeopleDetector": lambda n: s2a.PeopleDetector(
+        "people", n(2), n(5), True, n(0), n(1), rate=n(2), latency=n(1)
+    ),
     "sonata2d.agents.costmap": lambda n: s2a.costmap(scan(), n(4), n(1), n(1), n(2), n(1)),
     "sonata2d.gym.Sparse": lambda n: reward(s2g.Sparse, n),
     "sonata2d.gym.SocialNavEnv.action_of": lambda n: env().action_of(s2.Twist(n(1), n(0), n(1))),

@@ -193,6 +193,11 @@ class Session:
         labels = tuple(event for event in self._first_events if event.device == LABEL_DEVICE)
         self._first_events = (*labels, *(DeviceEvent(*key, 0.0) for key in sorted(released)))
 
+    @property
+    def has_arrived(self) -> bool:
+        """Whether the robot has reached its goal; among other robots the run goes on until they have too."""
+        return self._episode.arrivals[0] is not None
+
     def stop(self) -> None:
         """End a run that has begun, on request of the driver."""
         if self.ticks:

@@ -61,7 +61,7 @@ def whole_number(name: str, value: object, least: int = 0, most: int | None = No
         ValueError: it is too small, or too large.
     """
     try:
-        number = operator.index(value)  # type: ignore[arg-type]
+        number = operator.index(None if isinstance(value, bool) else value)  # type: ignore[arg-type]
     except TypeError:
         raise TypeError(f"{name} must be a whole number, got {shown(value)}") from None
     if number < least:

@@ -57,8 +57,3 @@ def obstacle_clearance(snapshot: Snapshot) -> float:
     if len(snapshot.robot.body.outline.core) > 1:
         return float(_gaps(snapshot.robot, barriers.table[:, :5]).min())
     return float(barriers.gaps(np.array([snapshot.robot.position])).min()) - snapshot.robot.radius
-
-
-def waits_for_others(snapshot: Snapshot) -> bool:
-    """Whether the robot is at its goal, in an episode that goes on until other robots have arrived too."""
-    return bool(snapshot.robots) and snapshot.goal.is_reached(snapshot.robot.pose)

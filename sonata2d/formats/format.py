@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, SupportsFloat
+from typing import Any, Literal, SupportsFloat, get_args
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord
 
 _STAMP_GRID = 2.0**30  # stamps are multiples of 1/_STAMP_GRID s: differences of stamps below 2**23 s are exact
+
+
+RobotsAs = Literal["people", "objects"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +54,11 @@ class Options(FloatFields):
     renumber: bool = False
     walls: Path | None = None
     robot: int = 0
-    robots_as: Literal["people", "objects"] = "people"
+    robots_as: RobotsAs = "people"
+
+    def __post_init__(self) -> None:
+        if self.robots_as not in get_args(RobotsAs):
+            raise ValueError(f"robots_as must be people or objects, got {self.robots_as!r}")
 
 
 ROBOT_OPTIONS = frozenset({"robot", "robots_as"})  # of formats that describe the task of one robot

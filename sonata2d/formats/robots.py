@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from ..core.entities import ROBOT_ID
-from ..core.relations import ACTIVITIES
 from ..errors import UnsuitableEpisode
-from ..record.layout import ROW_THETA, JsonDict, human_to_json
+from ..record.layout import JsonDict
 from ..record.record import EpisodeRecord, record_from_document
 from .format import Options
 
-_WALKING = ACTIVITIES.index("walking")
+ONE_OF = "one_of_robots"  # key of documents that describe one of several robots, and are no files of sonata2d
 
 
 def of_one_robot(record: EpisodeRecord, options: Options, *, ends_on_arrival: bool) -> EpisodeRecord:
@@ -39,29 +36,21 @@ def of_one_robot(record: EpisodeRecord, options: Options, *, ends_on_arrival: bo
     record = record.seen_by(chosen)
     document = (record.until_arrival() if ends_on_arrival else record).document
     robots = [other | {"id": chosen if other["id"] == ROBOT_ID else other["id"]} for other in document["robots"]]
-    document = {key: value for key, value in document.items() if key != "robot_id"} | {"robots": robots}
+    document = {key: value for key, value in document.items() if key != "robot_id"} | {"robots": robots, ONE_OF: True}
+    for key in ("frames", "final"):
+        states = document[key] if key == "frames" else [document[key]]
+        renamed = [_with_contact_ids(state, {ROBOT_ID: chosen, chosen: ROBOT_ID}) for state in states]
+        document[key] = renamed if key == "frames" else renamed[0]
     record = record_from_document(document, record.path)
     if options.robots_as == "objects":
         return record
-    people = record.scene().with_robots_as_people.humans[-len(robots) :]
-    document |= {
-        "humans": [*document["humans"], *map(human_to_json, people)],
-        "frames": [_with_people(frame) for frame in document["frames"]],
-        "final": _with_people(document["final"]),
-        "outcome": {key: value for key, value in document["outcome"].items() if key != "arrivals"},
-    }
-    del document["robots"]
-    return record_from_document(document, record.path)
+    return record.with_robots_as_people()
 
 
-def _with_people(frame: JsonDict) -> JsonDict:
-    """A frame, or the final state, with its other robots as people that walk and look ahead."""
-    rows = [[*other["robot"], other["robot"][ROW_THETA]] for other in frame["robots"]]
-    contacts = [_with_human(contact) for contact in frame["contacts"]]
-    kept: dict[str, Any] = {key: value for key, value in frame.items() if key != "robots"}
-    activity = [*frame["activity"], *[_WALKING] * len(rows)]
-    return kept | {"humans": [*frame["humans"], *rows], "activity": activity, "contacts": contacts}
-
-
-def _with_human(contact: JsonDict) -> JsonDict:
-    return contact | {"kind": "human"} if contact["kind"] == "robot" else contact
+def _with_contact_ids(state: JsonDict, ids: dict[int, int]) -> JsonDict:
+    """A frame, or the final state, in which robots that are touched have other ids."""
+    contacts = [
+        contact | {"id": ids.get(contact["id"], contact["id"])} if contact["kind"] == "robot" else contact
+        for contact in state["contacts"]
+    ]
+    return state | {"contacts": contacts}

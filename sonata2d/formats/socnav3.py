@@ -25,6 +25,7 @@ from .format import (
     require_robot,
 )
 from .occupancy import occupancy_grid
+from .robots import ONE_OF
 from .socnav3_import import EXTRAS, NAME, import_
 
 TYPES = ("chair", "table", "plant", "tv", "shelf", "floor_lamp")
@@ -38,7 +39,17 @@ _SIMILAR = {
 _ANY_TYPE = "*"  # key of `Options.types` for all types of solid objects that have no key of their own
 # The loader of the format requires a context that is a row of its table; this row states as little as possible.
 DEFAULT_CONTEXT = "A robot is performing routine tasks in a home."
-_EXTRA_STEP_KEYS = ("activity", "interactions", "contacts", "command", "executed", "guarded", "events", "label")
+_EXTRA_STEP_KEYS = (
+    "activity",
+    "interactions",
+    "contacts",
+    "command",
+    "executed",
+    "guarded",
+    "events",
+    "label",
+    "sensors",
+)
 
 
 def export(record: EpisodeRecord, options: Options) -> bytes:
@@ -61,7 +72,9 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
         file["context_description"] = context
     if (label := _label(record)) is not None:
         file["label"] = label
-    return orjson.dumps(file | {EXTRAS: {"header": header_of(document), "other_objects": other_objects}}) + b"\n"
+    if ONE_OF not in document:  # else it is imported like a file of another program
+        file[EXTRAS] = {"header": header_of(document), "other_objects": other_objects}
+    return orjson.dumps(file) + b"\n"
 
 
 def note(record: EpisodeRecord, options: Options) -> str | None:

@@ -144,6 +144,7 @@ class EnvSamples:
     def __call__(self, record: EpisodeRecord) -> Iterator[tuple[Any, Any]]:
         """The observation and the action of each frame, in order."""
         self._pipeline.begin()
+        record = record.until_arrival()
         for tick in range(len(record)):
             twist = Twist(*record.command[tick].tolist())
             yield self._pipeline.observe(record.snapshot(tick)), _nearest_action(self._env, self._pipeline, twist)

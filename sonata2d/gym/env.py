@@ -225,9 +225,9 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         episode.apply(self.twist_of(action))
         after = self._look()
         outcome = episode.outcome
-        if outcome is None and episode.arrivals[0] is not None:  # of several robots; the others have not arrived
+        if episode.arrivals[0] is not None and (outcome is None or outcome.status == "timeout"):  # of several robots
             outcome = Outcome("goal", "the robot has reached its goal", after.tick, after.time)
-            episode.end("stopped", outcome.reason)
+            episode.end("stopped", outcome.reason)  # unless it is over
         reward = checked_reward(self._reward(before, after, outcome))
         info: dict[str, Any] = {}
         if outcome is not None:

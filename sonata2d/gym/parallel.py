@@ -170,12 +170,15 @@ class SocialNavParallelEnv(ParallelEnv[str, Observation, Action]):  # type: igno
 
         Raises:
             ResetNeeded: all agents have terminated, or `reset` was not called.
-            KeyError: an agent has no action.
+            KeyError: an agent has no action, or there is no such agent.
             ControllerError, TypeError, ValueError: an action is invalid, or a reward is not a finite number.
         """
         episode, before = self._episode, self._current
         if episode is None or before is None or not self.agents:
             raise gymnasium.error.ResetNeeded("the episode is over, or has not begun; call reset()")
+        if not isinstance(actions, Mapping) or (unknown := [*actions.keys() - self.possible_agents]):
+            wrong = shown(unknown[0]) if isinstance(actions, Mapping) else f"actions, got {shown(actions)}"
+            raise KeyError(f"step takes actions by the names of agents, {', '.join(self.possible_agents)}; not {wrong}")
         if missing := [agent for agent in self.agents if agent not in actions]:
             raise KeyError(f"step needs an action of each agent, {missing[0]} has none; got {shown(sorted(actions))}")
         first, *others = (self._twist(k, actions) for k in range(len(self.possible_agents)))

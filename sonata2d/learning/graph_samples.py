@@ -58,6 +58,7 @@ class GraphSamples:
         Raises:
             RecordError: the source of an imported episode has no robot or no goal.
         """
+        record = record.until_arrival()
         if self.kind == "paper":
             yield from paper_graphs(record)
             return

@@ -40,7 +40,7 @@ from .layout import (
     interactions_from_rows,
     scene_from_json,
 )
-from .views import document_seen_by, document_until_arrival
+from .views import document_seen_by, document_until_arrival, document_with_robots_as_people
 
 if TYPE_CHECKING:
     from ..agents.sensors.base import Readings, Sensor
@@ -156,6 +156,14 @@ class EpisodeRecord(Drawable):
         An episode of several robots goes on until all have arrived; metrics are of each robot until it arrives.
         """
         return self._with_document(document_until_arrival(self.document))
+
+    def with_robots_as_people(self) -> EpisodeRecord:
+        """The episode as a robot sees it to which the others are people; itself if there is one robot."""
+        return self._of_people
+
+    @cached_property
+    def _of_people(self) -> EpisodeRecord:
+        return self._with_document(document_with_robots_as_people(self.document))
 
     def _with_document(self, document: JsonDict) -> EpisodeRecord:
         return self if document is self.document else record_from_document(document, self.path)
@@ -315,8 +323,8 @@ class EpisodeRecord(Drawable):
             for state in states
         ]
         others = [[robot["command"] for robot in frame.get("robots") or ()] for frame in self.document["frames"]]
-        count = len(self._scene.robots)
-        commands = np.concatenate((self.command[:, None], np.array(others, dtype=float).reshape(-1, count, 3)), axis=1)
+        shape = len(self), len(self._scene.robots), len(COMMAND_NAMES)
+        commands = np.concatenate((self.command[:, None], np.array(others, dtype=float).reshape(shape)), axis=1)
         return run_counts([robot for robot, _ in self._scene.tasks], contacts, commands.swapaxes(0, 1))
 
     def scene(self) -> Scene:

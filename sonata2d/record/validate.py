@@ -24,7 +24,7 @@ from ..core.labels import LabelSpec
 from ..core.relations import ACTIVITIES, RELATIONS
 from ..core.scene import Scene
 from ..core.state import HUMAN_SIZE
-from ..core.wording import described, shown
+from ..core.wording import described, shown, text_of
 from ..errors import InvalidFileError, RecordError, Sonata2dError
 from .layout import ABSENT, COLUMNS, JsonDict, scene_to_json
 
@@ -274,13 +274,15 @@ def _reading_problem(
         if name not in sensors:
             return f"there is no sensor {name!r}"
         measured = value.get("tick", 0) if isinstance(value, dict) else 0
-        if not isinstance(measured, int) or not 0 <= measured <= tick:
+        if type(measured) is not int or not 0 <= measured <= tick:
             return f"{name}: tick must be 0 to {tick}, is {shown(measured)}"
         try:
             if sensor := sensors[name]:
                 sensor.from_json(value, look_at)
-        except (KeyError, TypeError, ValueError) as error:
-            return f"{name}: {described(error)}"
+        except KeyError as error:
+            return f"{name}: {error} is missing"
+        except (TypeError, ValueError) as error:
+            return f"{name}: {text_of(error) or described(error)}"
     return ""
 
 

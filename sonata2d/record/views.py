@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from ..core.entities import ROBOT_ID
 from ..core.geometry import quantised
-from .layout import JsonDict
+from ..core.relations import ACTIVITIES
+from .layout import ROW_THETA, JsonDict, human_to_json, scene_from_json
+
+_WALKING = ACTIVITIES.index("walking")
 
 _OF_ROBOT = ("robot", "goal", "controller", "labels", "sensors")  # top-level keys that each other robot has too
 _OF_FRAME = ("robot", "command", "executed", "guarded", "contacts", "label", "sensors")
@@ -45,10 +48,34 @@ def document_seen_by(document: JsonDict, robot_id: int) -> JsonDict:
 
 def _frame_seen_by(frame: JsonDict, order: list[int]) -> JsonDict:
     """A frame, or the final state, with its robots in another order, of which the first one has its keys."""
-    robots = [{key: frame[key] for key in _OF_FRAME if key in frame}, *frame["robots"]]
+    robots = [{key: each[key] for key in _OF_FRAME if key in each} for each in (frame, *frame["robots"])]
     kept = {key: value for key, value in frame.items() if key not in _OF_FRAME}
     seen: JsonDict = kept | robots[order[0]] | {"robots": [robots[k] for k in order[1:]]}
     return seen
+
+
+def document_with_robots_as_people(document: JsonDict) -> JsonDict:
+    """The document with the other robots as people that walk and look ahead."""
+    robots = document.get("robots") or []
+    if not robots:
+        return document
+    people = scene_from_json(document).with_robots_as_people.humans[-len(robots) :]
+    left_out = {"robots", "robot_id"}
+    return {key: value for key, value in document.items() if key not in left_out} | {
+        "humans": [*document["humans"], *map(human_to_json, people)],
+        "frames": [_frame_with_people(frame) for frame in document["frames"]],
+        "final": _frame_with_people(document["final"]),
+        "outcome": {key: value for key, value in document["outcome"].items() if key != "arrivals"},
+    }
+
+
+def _frame_with_people(frame: JsonDict) -> JsonDict:
+    """A frame, or the final state, with its other robots as people that walk and look ahead."""
+    rows = [[*other["robot"], other["robot"][ROW_THETA]] for other in frame["robots"]]
+    contacts = [contact | {"kind": "human"} if contact["kind"] == "robot" else contact for contact in frame["contacts"]]
+    kept: JsonDict = {key: value for key, value in frame.items() if key != "robots"}
+    activity = [*frame["activity"], *[_WALKING] * len(rows)]
+    return kept | {"humans": [*frame["humans"], *rows], "activity": activity, "contacts": contacts}
 
 
 def document_until_arrival(document: JsonDict) -> JsonDict:

@@ -79,6 +79,7 @@ class Episode(Drawable):
         self._script, self._renderer = Inputs(past), renderer
         self._crowd, self._world = Crowd(scene), World(scene)
         self._observed: Snapshot | None = None  # of the present tick
+        self._has_given_others = bool(others)
         self._drivers = _drivers(scene, controller, others, controller_info, renderer)
         self._observing = [driver for driver in self._drivers if driver.sensors]
         self._is_sensing = any(sensor.record for driver in self._observing for sensor in driver.controller.sensors)
@@ -258,7 +259,8 @@ class Episode(Drawable):
             The frame of the tick; None if the episode is over, and its `outcome` set.
 
         Raises:
-            ControllerError: a command is not a finite twist; the episode has not moved.
+            ControllerError: a command is not a finite twist, or another robot has neither a command nor a controller;
+                the episode has not moved.
             ValueError: there are not as many other commands as other robots.
         """
         twist = checked_twist(command)
@@ -267,7 +269,10 @@ class Episode(Drawable):
             raise ValueError(
                 f"the scene has {counted(len(self.scene.robots), 'other robot')}, got {len(others)} commands"
             )
-        twists = None if others is None else [checked_twist(other) for other in others]
+        twists = None if others is None else self._checked_twists(others)
+        for driver in self._drivers[1:] if others is None else ():
+            if isinstance(driver.controller, External):
+                raise ControllerError(f"robot {driver.robot_id} has no controller; give its command too: others=[...]")
         snapshot = self._observe_unless_over(tuple(events))
         if snapshot is None:
             return None
@@ -276,7 +281,19 @@ class Episode(Drawable):
             self._close(snapshot, answers)
             return None
         self.controller.command_overridden(twist)
+        for driver, other in zip(self._drivers[1:], twists or (), strict=False):
+            driver.controller.command_overridden(other)
         return self._record_and_move(snapshot, TickInput(twist, deepcopy(label), snapshot.events, tuple(answers)))
+
+    def _checked_twists(self, others: Sequence[Twist]) -> list[Twist]:
+        """The commands of the other robots; an error names the robot."""
+        twists = []
+        for id, other in zip(self.scene.robot_ids[1:], others, strict=True):
+            try:
+                twists.append(checked_twist(other))
+            except ControllerError as error:
+                raise ControllerError(f"robot {id}: {error}") from None
+        return twists
 
     def snapshot(self) -> Snapshot:
         """The current state of the world, without device events."""
@@ -301,10 +318,14 @@ class Episode(Drawable):
             renderer: as for `Episode`; by default the renderer of this episode.
 
         Raises:
-            ValueError: the episode has not reached the tick.
+            ValueError: the episode has not reached the tick, or it was given `others` and the branch is not.
         """
         if not 0 <= tick <= len(self.past):
             raise ValueError(f"tick must be 0..{len(self.past)}, the ticks run so far, got {tick}")
+        if others is None and self._has_given_others:
+            raise ValueError(
+                "this episode was given the controllers of its other robots; give those of the branch too: others=[...]"
+            )
         past, renderer = self.past[:tick], renderer or self._renderer
         return Episode(
             self.scene, controller, others=others, observers=observers, past=past, renderer=renderer
@@ -416,7 +437,7 @@ class Episode(Drawable):
         """Command and label of a robot; one of several that has arrived stands."""
         driver = self._drivers[k]
         try:
-            if self._arrivals[k] is not None:
+            if self._arrivals[k] is not None and not driver.controller.answers_after_arrival:
                 return Twist(), None
             return driver.answer(snapshot)
         except BaseException as error:
@@ -484,12 +505,22 @@ def _drivers(
     """The drivers of all robots; `info` describes the controller, and with `others` those of the other robots."""
     names: list[str | None] = [other.controller for other in scene.robots]
     if others is None and names:
-        from ..agents.controllers.loading import load_controller  # which few episodes need, and takes time to import
+        from ..agents.controllers.loading import is_installed, load_controller  # which few episodes need
 
+        for other in scene.robots:
+            if not is_installed(other.controller, {}):  # a file may name anything
+                raise ControllerError(
+                    f"the controller {other.controller!r} of robot {other.id} is neither built in nor a plug-in; give "
+                    "the controllers of the other robots: others=[...]"
+                )
         others = [load_controller(other.controller) for other in scene.robots]
     else:
         names = [None for _ in names]
     others = others or ()
+    if not isinstance(others, Sequence):
+        raise TypeError(
+            f"others are several controllers, got {shown(others)}; write others=[{type(others).__name__}()]"
+        )
     if len(others) != len(names):
         robots = counted(len(names), "other robot")
         raise ValueError(f"the scene has {robots}, got {counted(len(others), 'controller')} for them")

@@ -15,7 +15,6 @@ from ..core.proxemics import (
     clearance,
     obstacle_clearance,
     touched_kind,
-    waits_for_others,
 )
 from ..core.relations import ACTIVITIES, ACTIVITY
 from ..core.scene import Scene
@@ -156,7 +155,6 @@ def state_data(snapshot: Snapshot) -> dict[str, Any]:
         "links": [(link.src, link.dst) for link in visible_interactions(snapshot)],
         "touches": touched_kind(snapshot),
         "clearance": _number(clearance(snapshot)),
-        **({"hasArrived": True} if waits_for_others(snapshot) else {}),
     }
 
 

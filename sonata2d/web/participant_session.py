@@ -238,7 +238,7 @@ class ParticipantSession:
             "run": self.run,
             "ticks": session.ticks,
             "status": session.state,
-            "state": state_data(session.after),
+            "state": state_data(session.after) | {"hasArrived": session.has_arrived},
             "outcome": session.outcome.status if session.outcome else None,
             "frameLabel": session.label,
             "isUnsaved": session.journal_error is not None,

@@ -361,6 +361,7 @@ class CollectScreen(Screen):
             question=self._slider.shown(session.label),
             keys=keys_of("typing" if is_typing else session.state, self.devices.profiles, self._hidden),
             notice=notice,
+            has_arrived=session.has_arrived,
         )
 
 

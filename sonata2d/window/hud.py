@@ -12,7 +12,7 @@ import pygame
 from ..collect.texts import text
 from ..core.furniture_types import METAL
 from ..core.geometry import Point
-from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearance, touched_kind, waits_for_others
+from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearance, touched_kind
 from ..core.snapshot import Snapshot
 from ..view.canvas import PixelCanvas, put
 from ..view.fonts import shortened, width_of
@@ -158,6 +158,7 @@ class Hud:
         question: the question that is asked while driving.
         keys: active keys and their functions.
         notice: a message shown prominently.
+        has_arrived: whether the robot is at its goal, and waits until other robots are at theirs.
     """
 
     run: int = 1
@@ -169,6 +170,7 @@ class Hud:
     question: FrameQuestion | None = None
     keys: tuple[tuple[str, str], ...] = ()
     notice: str = ""
+    has_arrived: bool = False
 
 
 def free_area(surface: pygame.Surface, hud: Hud, *, scale: float) -> pygame.Rect:
@@ -205,7 +207,7 @@ def draw_hud(
         top = draw_notice(surface, hud.notice, place, size=pen.px(_NOTICE), max_width=width).bottom + pen.gap
     free = pygame.Rect(pen.gap, top, surface.get_width() - 2 * pen.gap, max(bottom - top, 1))
     picture = pygame.Rect(origin, camera.size)
-    _draw_goal_distance(pen, snapshot, camera, picture, free.clip(picture))
+    _draw_goal_distance(pen, snapshot, camera, picture, free.clip(picture), hud.has_arrived)
 
 
 # Each of the following functions returns the y coordinate at which the free part of the picture starts or ends, px.
@@ -335,10 +337,13 @@ def zone_of(gap: float) -> tuple[str, Colour]:
     return "ring", shaded(GOAL, 0.3)
 
 
-def _draw_goal_distance(pen: _Pen, snapshot: Snapshot, camera: Camera, picture: pygame.Rect, free: pygame.Rect) -> None:
+def _draw_goal_distance(
+    pen: _Pen, snapshot: Snapshot, camera: Camera, picture: pygame.Rect, free: pygame.Rect, has_arrived: bool
+) -> None:
     """Write the distance to the goal next to it if it is in view, else next to an arrow at the edge towards it.
 
     Args:
+        has_arrived: whether the robot has reached it, and waits for others.
         picture: place of the camera's picture on the surface, px.
         free: the part of it that is free of readings, px.
     """
@@ -347,7 +352,7 @@ def _draw_goal_distance(pen: _Pen, snapshot: Snapshot, camera: Camera, picture: 
     goal, robot = snapshot.goal, snapshot.robot.position
     metres = math.hypot(goal.x - robot[0], goal.y - robot[1])
     word = text("readings.goal", distance=f"{metres:.1f}")
-    if waits_for_others(snapshot):
+    if has_arrived:
         word = text("readings.arrived")
     x, y = camera.to_pixels(goal.position)
     x, y = x + picture.left, y + picture.top

@@ -109,6 +109,7 @@ class LiveScreen(Screen):
             light="frozen" if self._rest == math.inf else "paused" if self._paused else "watching",
             keys=keys_of("watching", self._profiles, frozenset()),
             notice=self._notice or ended,
+            has_arrived=self._episode.arrivals[0] is not None,
         )
         self._camera.draw(surface, between(self.before, self.after, fraction), hud, scale=self._stage.scale)
 

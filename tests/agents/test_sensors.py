@@ -302,7 +302,7 @@ def test_a_camera_takes_the_picture_that_image_requests() -> None:
         (lambda: Lidar(angle=7.0), "angle must be at most 2 pi, in rad, got 7.0"),
         (lambda: Lidar(dropout=1.5), "dropout is a probability, got 1.5"),
         (lambda: Lidar(sees="shoes"), "sees must be bodies or legs, got 'shoes'"),  # type: ignore[arg-type]
-        (lambda: Lidar(rate=0.0), "rate must be positive, got 0.0"),
+        (lambda: Lidar(rate=0.0), "rate must be positive, and at least 1e-06 1/s, got 0.0"),
         (lambda: Lidar("front lidar"), "attribute of snapshot.sensors, got 'front lidar'"),
         (lambda: Odometry(skid=-1.0), "skid"),
         (lambda: PeopleDetector(misses=2.0), "misses is a probability, got 2.0"),
@@ -315,6 +315,7 @@ def test_a_camera_takes_the_picture_that_image_requests() -> None:
         (lambda: Camera(height=64.5), "height"),  # type: ignore[arg-type]
         (lambda: Camera(view="front"), "view must be follow or top, got 'front'"),  # type: ignore[arg-type]
         (lambda: Camera(view_range=math.nan), "view_range"),
+        (lambda: Lidar(latency=1e9), "latency must be at most 1e\\+06 s, got 1000000000.0"),
         (lambda: Lidar(heading=90), "heading must be within -2 pi and 2 pi, in rad, got 90"),
         (lambda: FieldOfView(occlusion="no"), "occlusion must be True or False, got 'no'"),  # type: ignore[arg-type]
     ],

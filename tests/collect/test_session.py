@@ -728,6 +728,33 @@ def test_runs_among_other_robots_continue_to_the_bit_and_are_verified(tmp_path: 
         assert_valid(tmp_path / folder, files=1)
 
 
+def test_a_driver_who_has_arrived_gives_labels_and_ends_the_run(tmp_path: Path) -> None:
+    scene = SCENE | {
+        "humans": 0,
+        "plants": 0,
+        "rules": {"time_limit": 20.0},
+        "label": {"kind": "slider", "when": "frame"},
+    }
+    scene |= {"robot": {"pose": [-1, -3, 0]}, "goal": {"position": [0, -3], "distance": 0.1}}
+    scene["robots"] = [{"pose": [-3, 3, 0], "limits": {"ahead": 0.1}, "goal": {"position": [3, 3]}}]
+    session = open_session(tmp_path, config=ScenarioConfig(**scene))
+    session.tick((DeviceEvent("pad0", "left_y", -1.0),))
+    while not session.has_arrived:
+        session.tick()
+    arrived = session.ticks
+    session.tick((DeviceEvent("label", "value", 0.7),))
+    for _ in range(5):
+        session.tick()
+    assert session.state == "driving"
+    session.stop()
+    assert session.outcome is not None
+    assert session.outcome.status == "stopped"
+    record = read_episode(session.keep())
+    assert [frame["command"] for frame in record.document["frames"][arrived + 1 :]] == [[0.0, 0.0, 0.0]] * 5
+    assert record.labels[-1] == {"label": 0.7}
+    assert_valid(tmp_path, files=1)
+
+
 def test_a_run_of_several_robots_that_crashed_before_its_last_tick_ends(tmp_path: Path) -> None:
     scene = {**SCENE, "humans": 0, "robots": 2, "rules": {"time_limit": 1.0}}
     session = open_session(tmp_path, config=ScenarioConfig(**scene))

@@ -132,6 +132,33 @@ def test_one_agent_drives_among_robots_with_controllers() -> None:
     assert env.render().shape == (200, 200, 3)
 
 
+def test_an_arrival_in_the_last_tick_is_a_success_and_unknown_agents_are_refused() -> None:
+    def settings(time_limit: float) -> dict[str, Any]:
+        other = {"pose": [-2, 2, 0], "limits": {"ahead": 0.1}, "goal": {"position": [2, 2]}}
+        task = {"robot": {"pose": [-2, -2, 0]}, "goal": {"position": [0, -2]}, "robots": [other], "humans": 0}
+        return task | {"room": {"kinds": "square", "side": 8}, "rules": {"time_limit": time_limit}}
+
+    ticks = 0
+    for time_limit in (20.0, 0.0):
+        env = SocialNavEnv("empty", settings=settings(time_limit or 0.1 * ticks))
+        env.reset(seed=1)
+        steps = 0
+        while True:
+            _, _, terminated, truncated, info = env.step(np.array([1.0, 0.0, 0.0], dtype=np.float32))
+            steps += 1
+            if terminated or truncated:
+                break
+        assert (terminated, truncated, info["outcome"]) == (True, False, "goal")
+        assert ticks in (0, steps)
+        ticks = steps
+    parallel = SocialNavParallelEnv("empty", settings=settings(20.0))
+    parallel.reset(seed=1)
+    action = np.zeros(3, dtype=np.float32)
+    for wrong in ({**dict.fromkeys(parallel.agents, action), "robot_9": action}, [action, action]):
+        with pytest.raises(KeyError, match="step takes actions by the names of agents"):
+            parallel.step(wrong)  # type: ignore[arg-type]
+
+
 def test_vectors_and_worlds_refuse_several_robots() -> None:
     from sonata2d.gym import SocialNavVectorEnv
 

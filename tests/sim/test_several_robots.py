@@ -21,8 +21,10 @@ from sonata2d.core.proxemics import touched_kind
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.datasets import branch, mirrored, read_manifest, verify
 from sonata2d.errors import ConfigError, ControllerError, SceneError
-from sonata2d.formats.api import export_to
+from sonata2d.formats.api import export_to, import_from
 from sonata2d.formats.format import Options
+from sonata2d.learning.graph import modern_graph
+from sonata2d.learning.graph.graph import NODE_TYPES
 from sonata2d.metrics import measure, measure_files
 from sonata2d.sim.inputs import TickInput
 
@@ -337,6 +339,75 @@ def test_contacts_between_robots_are_counted_named_and_shown(tmp_path: Path) -> 
     assert "collision with another robot, caused by the robot" in (tmp_path / "page.html").read_text()
 
 
+def test_code_that_only_a_file_names_is_not_run(recorded: s2.EpisodeRecord, tmp_path: Path) -> None:
+    document = orjson.loads(recorded.path.read_bytes())
+    document["robots"][1]["controller"]["path"] = f"{tmp_path / 'evil.py'}:Evil"
+    (tmp_path / "evil.py").write_text("raise SystemExit('run')")
+    changed = tmp_path / "changed.json"
+    changed.write_bytes(orjson.dumps(document))
+    with pytest.raises(ControllerError, match=r"code that a file names is not run; .* others="):
+        branch(changed, 0, s2.StraightToGoal())
+    with pytest.raises(ControllerError, match=r"neither built in nor a plug-in; .* others="):
+        s2.Episode(s2.read_episode(changed).scene(), s2.StraightToGoal())
+    others = [s2.StraightToGoal() for _ in range(3)]
+    assert branch(changed, 2, s2.StraightToGoal(), others=others).past[1].others[0][0] == Twist(
+        *document["frames"][1]["robots"][0]["command"]
+    )
+
+
+def test_keys_of_other_robots_do_not_hide_those_of_the_frame(recorded: s2.EpisodeRecord, tmp_path: Path) -> None:
+    document = orjson.loads(recorded.path.read_bytes())
+    for frame in document["frames"]:
+        frame["robots"][0]["humans"] = 3
+    changed = tmp_path / "changed.json"
+    changed.write_bytes(orjson.dumps(document))
+    view = s2.read_episode(changed).seen_by(recorded.robot_ids[1])
+    assert view.humans.shape == recorded.humans.shape
+
+
+def test_clients_without_controllers_give_all_commands() -> None:
+    episode = s2.Episode(facing(disc(0.0), disc(3.0)), s2.StraightToGoal(), others=[External()])
+    with pytest.raises(ControllerError, match=r"robot 11 has no controller; give its command too"):
+        episode.apply(Twist(0.5))
+    with pytest.raises(ControllerError, match=r"robot 11: the command must be finite numbers"):
+        episode.apply(Twist(0.5), others=[Twist(math.nan)])
+    assert not episode.is_over
+    assert episode.apply(Twist(0.5), others=[Twist(0.1)]) is not None
+    with pytest.raises(ValueError, match=r"give those of the branch too: others="):
+        episode.branch(1, s2.StraightToGoal())
+    with pytest.raises(TypeError, match=r"others are several controllers"):
+        s2.Episode(episode.scene, others=s2.StraightToGoal())  # type: ignore[arg-type]
+
+
+def test_robots_start_at_the_goals_of_others_and_messages_name_them() -> None:
+    body = {"shape": "rectangle", "length": 0.8, "width": 0.4}
+    room = {"polygon": [[0, 0], [10, 0], [10, 10], [0, 10]]}
+    task: dict[str, Any] = {"robot": {"pose": [1, 5, 0], "body": body}, "goal": {"position": [9, 5]}, "humans": 0}
+    other = {"pose": [9, 5, 3.14], "body": body, "goal": {"position": [1, 5]}}
+    scene = s2.generate(s2.ScenarioConfig(room=room, robots=[other], **task), seed=1)
+    assert scene.robots[0].robot.pose == Pose(9.0, 5.0, 3.14)
+    for changes, message in (
+        ({"pose": [100, 100, 0]}, r"robot 2's start \(100, 100\) is outside the room"),
+        (
+            {"pose": None, "goal": {}, "body": None, "radius": 6.0},
+            r"no free start and goal for robot 2 .*, or make the robot smaller",
+        ),
+        ({"pose": [1, 5, 0], "goal": {"position": [5, 9]}}, r"robot 2 would start at \(1, 5\) on robot 1"),
+    ):
+        with pytest.raises(SceneError, match=message):
+            s2.generate(s2.ScenarioConfig(room=room, robots=[other | changes], **task), seed=1)
+
+
+def test_graphs_have_the_robots_that_a_policy_sees(recorded: s2.EpisodeRecord) -> None:
+    graph = modern_graph(recorded, 5, instants=1)
+    people = graph.entity[graph.node_type == NODE_TYPES.index("human")]
+    assert {robot.id for robot in recorded.scene().robots} <= set(people.tolist())
+    assert len(people) == int(recorded.states.present[5].sum()) + 3
+    arrival = recorded.outcome.arrivals[0]
+    samples = [*s2.learning.GraphSamples(every=0.1)(recorded)]
+    assert len(samples) <= (len(recorded) if arrival is None else arrival)
+
+
 def test_the_mirror_image_of_the_mirror_image_is_the_episode(recorded: s2.EpisodeRecord) -> None:
     image = mirrored(recorded)
     assert image.robots[3, 1, 1] == -recorded.robots[3, 1, 1]
@@ -447,13 +518,21 @@ def test_exports_take_the_chosen_robot_and_the_others_as_people_or_objects(
         steps = orjson.loads(out.read_bytes())
         return (steps["sequence"] if format == "socnav3" else steps)[0]
 
-    step = first_step("people", robot=chosen)
+    step = first_step("people", robot=2)
     things = len(step["objects"])
     assert len(step["people"]) == count + 3
-    step = first_step("objects", robot=chosen, robots_as="objects")
+    step = first_step("objects", robot=2, robots_as="objects")
     assert (len(step["people"]), len(step["objects"])) == (count, things + 3)
     if format == "socnav3":
         assert [step["robot"][key] for key in ("x", "y")] == recorded.seen_by(chosen).robot[0, :2].tolist()
+        (back,) = import_from(tmp_path / "people.json", "socnav3", tmp_path / "back").files
+        assert s2.read_episode(back).document["imported"]["format"] == "socnav3"  # it is no episode of the simulator
+        (refused,) = import_from(tmp_path / "objects.json", "socnav3", tmp_path / "none").refused
+        assert "has moved" in refused.reason  # objects of an episode stand still
+    with pytest.raises(ValueError, match="robots_as must be people or objects, got 'object'"):
+        Options(robots_as="object")  # type: ignore[arg-type]
+    result = export_to(recorded.path, format, tmp_path / "none.json", Options(robot=4))
+    assert "there is no robot 4; it has 0 to 3" in result.skipped[0].reason
 
 
 def test_lidar_sees_the_outlines_of_other_robots() -> None:

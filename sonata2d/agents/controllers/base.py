@@ -91,6 +91,8 @@ class Controller(ABC):
             `scene.robots` and `snapshot.robots`; for controllers that know one robot only.
         drives_several: whether one object may drive several robots of an episode. `reset` is called with the scene in
             the view of each, and `act` with its snapshot; `scene.robot_id` and `snapshot.robot.id` tell them apart.
+        answers_after_arrival: whether `act` and `label` are called, among several robots, after the robot has reached
+            its goal; it stands whatever the command is, and `Stop` ends the episode.
         deterministic: True if equal snapshots always give equal answers; `check --rerun` then verifies recorded runs.
 
     >>> class Forward(Controller):
@@ -105,6 +107,7 @@ class Controller(ABC):
     partial: bool = False
     robots_as_people: bool = False
     drives_several: bool = False
+    answers_after_arrival: bool = False
     deterministic: bool = True
 
     @classmethod

@@ -136,6 +136,7 @@ class Teleoperation(Controller):
     """
 
     version = "1"
+    answers_after_arrival = True  # a person goes on to give labels, and ends the run
 
     def __init__(
         self, mappings: Mapping[str, DeviceMapping] = DEFAULT_MAPPINGS, label: LabelSpec | None = None

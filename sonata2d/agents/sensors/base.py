@@ -21,6 +21,7 @@ from ...core.portable_math import Array
 from ...core.rng import RandomStream
 from ...core.scene import Scene
 from ...core.snapshot import RobotState, Snapshot
+from ...core.wording import shown
 from ...errors import ControllerError, RecordError
 from ...registry import SENSORS, did_you_mean
 
@@ -67,6 +68,7 @@ class Reading:
     tick: int
 
 
+_SLOWEST = 1e-6  # measurements per second
 LookAt = Callable[[int], Snapshot]
 Renderer = Callable[[Snapshot, ImageRequest], Any]  # returns (H, W, 3) of uint8
 Measure = Callable[[Snapshot, SensorNoise], Any]
@@ -86,8 +88,8 @@ class Sensor(FloatFields, ABC):
     """
 
     name: str = ""
-    rate: float | None = None
-    latency: float = 0.0
+    rate: float | None = field(default=None, kw_only=True)
+    latency: float = field(default=0.0, kw_only=True)
     record: bool = field(default=False, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -96,9 +98,10 @@ class Sensor(FloatFields, ABC):
             object.__setattr__(self, "name", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", type(self).__name__).lower())
         if not isinstance(self.name, str) or not self.name.isidentifier() or hasattr(Readings, self.name):
             raise ValueError(f"the name of a sensor is an attribute of snapshot.sensors, got {self.name!r}")
-        if self.rate is not None and not self.rate > 0.0:
-            raise ValueError(f"rate must be positive, got {self.rate}")
-        finite_number("latency", self.latency, 0.0)
+        if self.rate is not None and not self.rate >= _SLOWEST:
+            raise ValueError(f"rate must be positive, and at least {_SLOWEST:g} 1/s, got {self.rate}")
+        if finite_number("latency", self.latency, 0.0) > 1.0 / _SLOWEST:
+            raise ValueError(f"latency must be at most {1.0 / _SLOWEST:g} s, got {self.latency}")
         for name in (each.name for each in fields(self) if each.type in (bool, "bool")):
             if not isinstance(getattr(self, name), bool):
                 raise ValueError(f"{name} must be True or False, got {getattr(self, name)!r}")
@@ -237,6 +240,17 @@ class Readings(Mapping[str, Any]):
 
     def __repr__(self) -> str:
         return f"Readings({', '.join(self._readings)})"
+
+
+def numbers_of(values: Any, name: str, count: int) -> list[float]:
+    """Numbers in a reading that a file holds.
+
+    Raises:
+        ValueError: they are not a list of so many numbers.
+    """
+    if not isinstance(values, list) or len(values) != count or not {*map(type, values)} <= {int, float}:
+        raise ValueError(f"{name} must be {count} numbers, got {shown(values)}")
+    return values
 
 
 class SensorSuite:

@@ -16,7 +16,8 @@ from ...core.portable_math import Array, IntArray, unit_vector, unit_vectors
 from ...core.rays import visible
 from ...core.scene import Scene
 from ...core.snapshot import RobotState, Snapshot
-from .base import LookAt, Measure, Reading, Sensor, SensorNoise, angle_of_view, is_turn
+from ...core.wording import shown
+from .base import LookAt, Measure, Reading, Sensor, SensorNoise, angle_of_view, is_turn, numbers_of
 
 _MOST_ALARMS = 1000
 
@@ -90,7 +91,8 @@ class Odometry(Sensor):
         return {"tick": reading.tick, "pose": pose, "twist": [twist.vx, twist.vy, twist.omega]}
 
     def from_json(self, value: Any, look_at: LookAt) -> OdometryReading:
-        return OdometryReading(value["tick"], Pose(*value["pose"]), Twist(*value["twist"]))
+        pose, twist = (numbers_of(value[key], key, 3) for key in ("pose", "twist"))
+        return OdometryReading(value["tick"], Pose(*pose), Twist(*twist))
 
     def mirrored_json(self, value: Any) -> Any:
         (x, y, theta), (vx, vy, omega) = value["pose"], value["twist"]
@@ -204,10 +206,10 @@ class PeopleDetector(PeopleSensor):
         return measure
 
     def from_json(self, value: Any, look_at: LookAt) -> PeopleReading:
-        position, velocity = (np.array(value[key], dtype=float).reshape(-1, 2) for key in ("position", "velocity"))
-        if len(position) != len(velocity) or not (np.isfinite(position).all() and np.isfinite(velocity).all()):
-            raise ValueError("position and velocity must be as many pairs of numbers")
-        return PeopleReading(value["tick"], position, velocity)
+        rows = [[numbers_of(row, f"each {key}", 2) for row in value[key]] for key in ("position", "velocity")]
+        if len(rows[0]) != len(rows[1]):
+            raise ValueError(f"there are {len(rows[0])} positions and {len(rows[1])} velocities")
+        return PeopleReading(value["tick"], *(np.array(each, dtype=float).reshape(-1, 2) for each in rows))
 
     def mirrored_json(self, value: Any) -> Any:
         return value | {key: [[x, 0.0 - y] for x, y in value[key]] for key in ("position", "velocity")}
@@ -257,6 +259,9 @@ class FieldOfView(PeopleSensor):
         snapshot = look_at(value["tick"])
         rows = {int(id): row for row, id in enumerate(snapshot.humans.id)}
         robots = {robot.id: robot for robot in snapshot.robots}
+        for id in (*value["humans"], *value.get("robots", ())):
+            if id not in rows and id not in robots:
+                raise ValueError(f"there is no person or robot {shown(id)} at tick {value['tick']}")
         seen = np.array([rows[id] for id in value["humans"]], dtype=int)
         return ViewReading(
             value["tick"], snapshot.humans.select(seen), tuple(robots[id] for id in value.get("robots", ()))

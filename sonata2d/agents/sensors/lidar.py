@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from types import NoneType
 from typing import Any, Literal
 
 import numpy as np
@@ -20,6 +21,7 @@ from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...core.state import State
 from ...core.vectors import lengths
+from ...core.wording import shown
 from .base import LookAt, Measure, Reading, Sensor, SensorNoise, angle_of_view, angles_of, is_turn
 
 _MOST_RAYS = 100_000
@@ -89,7 +91,7 @@ class Lidar(Sensor):
             finite_number(name, getattr(self, name), 0.0)
         if abs(finite_number("heading", self.heading)) > 2.0 * math.pi:
             raise ValueError(f"heading must be within -2 pi and 2 pi, in rad, got {self.heading!r}")
-        if len(self.mount) != 2 if isinstance(self.mount, tuple) else True:
+        if not isinstance(self.mount, tuple) or len(self.mount) != 2 or {*map(type, self.mount)} != {float}:
             raise ValueError(f"mount is a position (x, y) in the frame of the robot, got {self.mount!r}")
         angle_of_view(self.angle)
         if self.nearest >= self.distance:
@@ -132,10 +134,14 @@ class Lidar(Sensor):
         return {"tick": reading.tick, "ranges": np.where(np.isinf(ranges), np.nan, ranges)}
 
     def from_json(self, value: Any, look_at: LookAt) -> LidarReading:
-        ranges = np.array(value["ranges"], dtype=float)
+        given = value["ranges"]
+        if not isinstance(given, list) or len(given) != self.rays or not {*map(type, given)} <= {int, float, NoneType}:
+            raise ValueError(f"ranges must be {self.rays} numbers, null or -1, got {shown(given)}")
+        ranges = np.array(given, dtype=float)
+        is_wrong = ((ranges < 0.0) & (ranges != -1.0)) | (ranges > self.distance + 1e-4)
+        if is_wrong.any():
+            raise ValueError(f"a range must be 0 to {self.distance:g}, null or -1, got {ranges[is_wrong][0]:g}")
         ranges[np.isnan(ranges)] = np.inf
-        if ranges.shape != (self.rays,) or ((ranges < 0.0) & (ranges != -1.0)).any():
-            raise ValueError(f"ranges must be {self.rays} numbers, null or -1")
         ranges[ranges == -1.0] = np.nan
         ranges.flags.writeable = False
         angles = angles_of(self.rays, self.angle) + self.heading

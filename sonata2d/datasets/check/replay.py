@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -74,18 +74,26 @@ def _sensor_again(definition: JsonDict, frames: list[JsonDict]) -> Sensor:
     return _RecordedReadings(name, record=True, readings=given)
 
 
-def branch(path: str | Path, tick: int, controller: Controller, *, observers: Iterable[Observer] = ()) -> Episode:
+def branch(
+    path: str | Path,
+    tick: int,
+    controller: Controller,
+    *,
+    others: Sequence[Controller] | None = None,
+    observers: Iterable[Observer] = (),
+) -> Episode:
     """A recorded episode up to `tick`, to the bit, which another controller continues.
 
     Args:
         path: an episode file.
         tick: number of recorded ticks to keep.
-        controller: drives the robot afterwards; other robots are driven by their recorded controllers.
+        controller: drives the robot afterwards.
+        others: drive the other robots; None: their recorded controllers.
         observers: receive the frames of the branch from tick 0.
 
     Raises:
         RecordError: the file cannot be read, is of another physics version, or is a mirror image, which cannot be run.
-        ControllerError: a recorded controller of another robot cannot be loaded.
+        ControllerError: a recorded controller of another robot is neither built in nor a plug-in, or cannot be loaded.
         ValueError: the recording has fewer ticks.
     """
     record = read_episode(path)
@@ -97,7 +105,7 @@ def branch(path: str | Path, tick: int, controller: Controller, *, observers: It
     past = _recorded_inputs(record)
     if not 0 <= tick <= len(past):
         raise ValueError(f"tick must be 0..{len(past)}, the ticks in {path}, got {tick}")
-    renderer, others = renderer_for(controller), _other_controllers(record)
+    renderer, others = renderer_for(controller), _other_controllers(record) if others is None else others
     return Episode(
         record.scene(), controller, others=others, observers=observers, past=past[:tick], renderer=renderer
     ).replay_past()
@@ -110,10 +118,18 @@ def _other_controllers(record: EpisodeRecord) -> list[Controller]:
         ControllerError: one cannot be loaded, or one object drove several of them.
     """
     infos = record.controller_info.others
+    for info in infos:
+        if not is_installed(info.path, info.settings or {}):
+            raise ControllerError(
+                f"the controller {info.path!r} of another robot is neither built in nor a plug-in, and code that a "
+                "file names is not run; give the controllers of the other robots: others=[...]"
+            )
     controllers = [load_controller(info.path, info.settings) for info in infos]
     for controller, info in zip(controllers, infos, strict=True):
         if controller.drives_several:
-            raise ControllerError(f"{info.path} may have driven several robots, which the file does not say")
+            raise ControllerError(
+                f"{info.path} may have driven several robots, which the file does not say; give others=[...]"
+            )
     return controllers
 
 

@@ -48,6 +48,7 @@ def modern_graph(
         RecordError: the source of an imported episode has no robot or no goal.
     """
     require_task(record)
+    record = record.with_robots_as_people()
     if frame not in FRAMES:
         raise ValueError(f"frame must be one of {', '.join(FRAMES)}, got {frame!r}")
     observations = [recorded_observation(record, at) for at in _ticks(record, tick, instants, interval)]

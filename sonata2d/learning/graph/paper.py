@@ -54,6 +54,7 @@ def paper_graphs(record: EpisodeRecord, *, skip_first: bool = False) -> list[Gra
         RecordError: the source of an imported episode has no robot or no goal.
     """
     require_task(record)
+    record = record.with_robots_as_people()
     kept, scene, labels = kept_ticks(record.time), record.scene(), record.labels
     scene_nodes, observation = SceneNodes(scene), cache(lambda tick: recorded_observation(record, tick))
     first, graphs = int(skip_first), []
