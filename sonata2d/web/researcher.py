@@ -122,7 +122,11 @@ class Researcher:
         look: Json = {"type": "look", "participant": message.participant, "drive": None}
         if session is not None and run is not None:
             key = f"{message.participant}/{session.run}/{run.scene.episode}"
-            look["drive"] = {"scene": key, "ticks": run.ticks, "state": state_data(run.after)}
+            look["drive"] = {
+                "scene": key,
+                "ticks": run.ticks,
+                "state": state_data(run.after) | {"hasArrived": run.has_arrived},
+            }
             if message.scene != key:
                 look["drive"]["data"] = scene_data(run.scene)
         return look
