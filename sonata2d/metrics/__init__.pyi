@@ -14,6 +14,7 @@ from .measurement import (
     episode_files as episode_files,
     measure as measure,
     measure_files as measure_files,
+    measure_together as measure_together,
     save_metrics as save_metrics,
 )
 from .summary import (
