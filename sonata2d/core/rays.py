@@ -140,11 +140,12 @@ def _range_to_solids(solids: Solids, x: float, y: float, ux: float, uy: float, m
 @subroutine
 def _nearer(ux: float, uy: float, ax: float, ay: float, bx: float, by: float, radius: float, nearest: float) -> float:
     """The smaller one of a range and of the range to a thick line, as of `_range_to_capsule`, m."""
-    # Most outlines lie beside the ray, or behind its start.
+    # Most outlines lie beside the ray, behind its start, or beyond what it has met.
     at_a, at_b = ux * ay - uy * ax, ux * by - uy * bx
     if (at_a > radius and at_b > radius) or (at_a < -radius and at_b < -radius):
         return nearest
-    if max(ux * ax + uy * ay, ux * bx + uy * by) < -radius:
+    along_a, along_b = ux * ax + uy * ay, ux * bx + uy * by
+    if max(along_a, along_b) < -radius or min(along_a, along_b) - radius > nearest + 1e-9:
         return nearest
     return min(nearest, _range_to_capsule(ux, uy, ax, ay, bx, by, radius))
 
