@@ -120,7 +120,8 @@ class Lidar(Sensor):
             is_hit = ranges < self.distance
             if self.noise > 0.0:
                 ranges = ranges + self.noise * noise.normals(self.rays)
-            ranges = np.where(is_hit, np.clip(ranges, self.nearest, self.distance), np.inf)
+            ranges = np.minimum(np.maximum(ranges, self.nearest), self.distance)  # np.clip takes three times as long
+            ranges[~is_hit] = np.inf
             if self.dropout > 0.0:
                 ranges[noise.uniforms(self.rays) < self.dropout] = np.nan
             ranges.flags.writeable = False
