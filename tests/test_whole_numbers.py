@@ -41,6 +41,7 @@ from sonata2d.core.floats import FloatFields
 from sonata2d.core.geometry import Disc, Rectangle
 from sonata2d.core.scene import Rules
 from sonata2d.errors import ConfigError, RenderError
+from sonata2d.formats.format import Options
 from sonata2d.gym.description import describe
 from sonata2d.study import StudyConfig
 
@@ -430,3 +431,7 @@ def test_every_dataclass_with_floats_makes_them_floats_or_has_a_case() -> None:
     others = {kind.__name__ for kind in settings_with_floats() if not issubclass(kind, FloatFields)} - names
     # the first makes floats itself, sonata2d makes the others
     assert others == {"DeviceEvent", "Humans", "LidarReading", "OdometryReading", "RobotState", "States", "TickInput"}
+
+
+def test_options_of_formats_are_floats() -> None:
+    assert type(Options(frame_time=1).frame_time) is float

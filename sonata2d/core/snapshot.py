@@ -132,7 +132,7 @@ class Snapshot(Drawable):
         events: tuple[DeviceEvent, ...] = (),
         contacts_of_robots: tuple[tuple[Contact, ...], ...] = (),
     ) -> Self:
-        """A snapshot whose `robot`, `robots` and `humans` are built from a state when they are first read.
+        """A snapshot that builds `robot`, `robots` and `humans` from a state when they are first read.
 
         Args:
             tick, scene, interactions, contacts, events, contacts_of_robots: as the attributes.
@@ -364,7 +364,7 @@ class ControllerInfo:
         version: of the controller.
         settings: from which the controller can be reconstructed.
         labels: meaning of each label by name.
-        sensors: those whose readings are recorded: name, type and settings of each.
+        sensors: the recorded sensors, each with its name, type and settings.
         others: controllers of the other robots, in the order of `scene.robots`.
     """
 

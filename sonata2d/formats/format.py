@@ -57,6 +57,7 @@ class Options(FloatFields):
     robots_as: RobotsAs = "people"
 
     def __post_init__(self) -> None:
+        FloatFields.__post_init__(self)  # a class with slots has no super() without arguments
         if self.robots_as not in get_args(RobotsAs):
             raise ValueError(f"robots_as must be people or objects, got {self.robots_as!r}")
 

@@ -39,7 +39,7 @@ def of_one_robot(record: EpisodeRecord, options: Options, *, ends_on_arrival: bo
     document = {key: value for key, value in document.items() if key != "robot_id"} | {"robots": robots, ONE_OF: True}
     for key in ("frames", "final"):
         states = document[key] if key == "frames" else [document[key]]
-        renamed = [_with_contact_ids(state, {ROBOT_ID: chosen, chosen: ROBOT_ID}) for state in states]
+        renamed = [_with_first_as(state, chosen) for state in states]
         document[key] = renamed if key == "frames" else renamed[0]
     record = record_from_document(document, record.path)
     if options.robots_as == "objects":
@@ -47,10 +47,10 @@ def of_one_robot(record: EpisodeRecord, options: Options, *, ends_on_arrival: bo
     return record.with_robots_as_people()
 
 
-def _with_contact_ids(state: JsonDict, ids: dict[int, int]) -> JsonDict:
-    """A frame, or the final state, in which robots that are touched have other ids."""
+def _with_first_as(state: JsonDict, id: int) -> JsonDict:
+    """A frame, or the final state, in whose contacts the first robot has another id."""
     contacts = [
-        contact | {"id": ids.get(contact["id"], contact["id"])} if contact["kind"] == "robot" else contact
+        contact | {"id": id} if (contact["kind"], contact["id"]) == ("robot", ROBOT_ID) else contact
         for contact in state["contacts"]
     ]
     return state | {"contacts": contacts}

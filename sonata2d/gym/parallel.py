@@ -176,9 +176,9 @@ class SocialNavParallelEnv(ParallelEnv[str, Observation, Action]):  # type: igno
         episode, before = self._episode, self._current
         if episode is None or before is None or not self.agents:
             raise gymnasium.error.ResetNeeded("the episode is over, or has not begun; call reset()")
-        if not isinstance(actions, Mapping) or (unknown := [*actions.keys() - self.possible_agents]):
-            wrong = shown(unknown[0]) if isinstance(actions, Mapping) else f"actions, got {shown(actions)}"
-            raise KeyError(f"step takes actions by the names of agents, {', '.join(self.possible_agents)}; not {wrong}")
+        if not isinstance(actions, Mapping) or not actions.keys() <= {*self.possible_agents}:
+            names = ", ".join(self.possible_agents)
+            raise KeyError(f"step takes actions by the names of agents, {names}; got {shown([*actions])}")
         if missing := [agent for agent in self.agents if agent not in actions]:
             raise KeyError(f"step needs an action of each agent, {missing[0]} has none; got {shown(sorted(actions))}")
         first, *others = (self._twist(k, actions) for k in range(len(self.possible_agents)))

@@ -20,8 +20,8 @@ from ..core.wording import shown
 from ..registry import did_you_mean
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
-from ..sim.episode import outcome_at
 from ..sim.kernel.batch import CONTACT, GOAL, RUNNING, TIMEOUT
+from ..sim.outcomes import outcome_at
 from .env import SocialNavEnv, first_scene
 from .observation import Order
 from .rewards import Reward

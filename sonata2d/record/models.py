@@ -160,7 +160,7 @@ class Controller(Part):
 
 
 class Sensor(Part):
-    """A sensor of the robot whose readings are recorded."""
+    """A recorded sensor of the robot."""
 
     name: str
     type: str = Field(description="registered name, or package.module:Class")
@@ -169,7 +169,7 @@ class Sensor(Part):
 
 _Sensors = Annotated[
     list[Sensor] | None,
-    Field(description="sensors of this robot whose readings are recorded; absent if there are none"),
+    Field(description="the recorded sensors of this robot; absent if there are none"),
 ]
 _Readings = Annotated[
     dict[str, Any] | None,

@@ -371,10 +371,10 @@ class EpisodeRecord(Drawable):
 
     @cached_property
     def sensors(self) -> dict[str, Sensor | None]:
-        """The sensors of the robot whose readings are recorded, by name; None for one whose type is not registered.
+        """The recorded sensors of the robot, by name; None for a sensor of an unregistered type.
 
-        Their readings are `snapshot.sensors`, as the controller got them, at the precision of files; those of a sensor
-        that is not registered are JSON values.
+        `snapshot.sensors` has their readings, as the controller got them, at the precision of files. Readings of an
+        unregistered sensor are JSON values.
         """
         from ..agents.sensors.base import sensor_from  # most files have no readings, and are read without sensors
 

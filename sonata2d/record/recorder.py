@@ -208,8 +208,10 @@ class EpisodeRecorder:
         """Counts of some states and answers."""
         robots = [robot for robot, _ in scene.tasks]
         commands = np.array([[answer[0], *(other for other, _ in answer[2])] for answer in answers], dtype=float)
-        each = ((segment, (*segment.contacts, *chain(*segment.contacts_of_robots))) for segment in segments)
-        contacts = chain.from_iterable(repeat(touched, len(segment.rows)) for segment, touched in each if touched)
+        touching = (segment for segment in segments if segment.contacts or segment.contacts_of_robots)
+        contacts = chain.from_iterable(
+            repeat((*segment.contacts, *chain(*segment.contacts_of_robots)), len(segment.rows)) for segment in touching
+        )
         return run_counts(robots, contacts, rounded(commands.reshape(-1, len(robots), 3)).swapaxes(0, 1))
 
     def _last_snapshot(self) -> Snapshot:

@@ -248,7 +248,7 @@ def _sensor_findings(document: JsonDict) -> Iterator[Finding]:
 
     for k, robot in enumerate((document, *(document.get("robots") or ()))):
         place, definitions = f"robots.{k - 1}." if k else "", robot.get("sensors") or ()
-        sensors: dict[str, Sensor | None] = {}
+        sensors, look_at = dict[str, Any](), partial(_ids_at, document, k)
         for definition in definitions:
             try:
                 sensors[definition["name"]] = sensor_from(definition)
@@ -261,7 +261,7 @@ def _sensor_findings(document: JsonDict) -> Iterator[Finding]:
             states = (frame, *(frame.get("robots") or ()))
             if k >= len(states):
                 return  # as another finding says
-            if message := _reading_problem(states[k].get("sensors") or {}, sensors, t, partial(_ids_at, document, k)):
+            if message := _reading_problem(states[k].get("sensors") or {}, sensors, t, look_at):
                 yield f"frames.{t}.{place}sensors", message
                 return
 

@@ -8,16 +8,15 @@ from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
-from ..agents.controllers.base import Controller, Regenerate, Stop, recorded_path
+from ..agents.controllers.base import Controller, Regenerate, Stop, recorded_path, require_controller
 from ..agents.sensors.base import Renderer, Sensor, SensorSuite, definition_of, known_to, shown_to
 from ..core.files import interruption
 from ..core.geometry import Twist, quantised
 from ..core.scene import Scene
 from ..core.snapshot import ControllerInfo, Outcome, Snapshot, Status
-from ..core.wording import described, shown
+from ..core.wording import counted, described, shown
 from ..errors import ControllerError
 from ..registry import did_you_mean
-from .inputs import USUAL
 
 
 class Driver:
@@ -99,18 +98,83 @@ class Driver:
                     )
 
 
+def drivers_of(
+    scene: Scene,
+    controller: Controller,
+    others: Sequence[Controller] | None,
+    info: ControllerInfo | None,
+    renderer: Renderer | None,
+) -> list[Driver]:
+    """The drivers of all robots, in the order of `Scene.robot_ids`.
+
+    Args:
+        scene: of the episode.
+        controller: of the first robot.
+        others: controllers of the other robots; None: those that the scene names.
+        info: describes the controllers in files; None: as `controller_info_of` does.
+        renderer: as of `Driver`; None: `renderer_for` of each other controller.
+
+    Raises:
+        ControllerError: a controller that the scene names is neither built in nor a plug-in.
+        TypeError: `others` is no sequence.
+        ValueError: the number of other controllers is not that of the other robots, or one object would drive several
+            robots though its class does not say so.
+    """
+    names: list[str | None] = [other.controller for other in scene.robots]
+    if others is None and names:
+        from ..agents.controllers.loading import is_installed, load_controller  # which few episodes need
+
+        for other in scene.robots:
+            if not is_installed(other.controller, {}):  # a file may name anything
+                raise ControllerError(
+                    f"the controller {other.controller!r} of robot {other.id} is neither built in nor a plug-in; give "
+                    "the controllers of the other robots: others=[...]"
+                )
+        others = [load_controller(other.controller) for other in scene.robots]
+    else:
+        names = [None for _ in names]
+    others = others or ()
+    if not isinstance(others, Sequence):
+        raise TypeError(
+            f"others are several controllers, got {shown(others)}; write others=[{type(others).__name__}()]"
+        )
+    if len(others) != len(names):
+        robots = counted(len(names), "other robot")
+        raise ValueError(f"the scene has {robots}, got {counted(len(others), 'controller')} for them")
+    controllers = [controller, *map(require_controller, others)]
+    for k, each in enumerate(controllers):
+        if not each.drives_several and any(each is earlier for earlier in controllers[:k]):
+            raise ValueError(
+                f"one {type(each).__name__} cannot drive several robots; give each robot an object of its own, or set "
+                "drives_several = True in a class that tells them apart by snapshot.robot.id"
+            )
+    infos = [info or controller_info_of(controller), *(info.others if info else ())]
+    known = len(infos)
+    infos += [controller_info_of(*each) for each in zip(controllers[known:], names[known - 1 :], strict=True)]
+    views = [scene.seen_by(id) for id in scene.robot_ids]
+    drivers = zip(controllers, views, infos, [renderer, *map(renderer_for, others)], strict=True)
+    return [Driver(each, view, its_info, renderer or own) for each, view, its_info, own in drivers]
+
+
+def _sensors_of(controller: Controller) -> Sequence[Any]:
+    """The sensors of a controller; empty for what is no sequence, which `SensorSuite` refuses."""
+    return controller.sensors if isinstance(controller.sensors, Sequence) else ()
+
+
 def renderer_for(controller: Controller) -> Renderer | None:
     """The renderer of the camera images that a controller requests.
 
     Returns:
         `sonata2d.view.image_of`; None, without importing pygame, if the controller requests no images.
     """
-    sensors = controller.sensors if isinstance(controller.sensors, Sequence) else ()  # SensorSuite refuses others
-    if controller.image is None and not any(getattr(sensor, "request", None) for sensor in sensors):
+    if controller.image is None and not any(getattr(sensor, "request", None) for sensor in _sensors_of(controller)):
         return None
     from ..view.painter import image_of
 
     return image_of
+
+
+_USUAL = 1e4  # m/s, rad/s, beyond which the limits of files are looked at
 
 
 def checked_twist(answer: object, controller_class: type | None = None) -> Twist:
@@ -125,8 +189,8 @@ def checked_twist(answer: object, controller_class: type | None = None) -> Twist
     """
     if type(answer) is Twist:  # the usual case in a third of the time
         vx, vy, omega = answer.vx, answer.vy, answer.omega
-        is_small = type(vx) is type(vy) is type(omega) is float and -USUAL < vx < USUAL and -USUAL < vy < USUAL
-        if is_small and -USUAL < omega < USUAL:
+        is_small = type(vx) is type(vy) is type(omega) is float and -_USUAL < vx < _USUAL and -_USUAL < vy < _USUAL
+        if is_small and -_USUAL < omega < _USUAL:
             return Twist(round(vx * 1e4) / 1e4 + 0.0, round(vy * 1e4) / 1e4 + 0.0, round(omega * 1e4) / 1e4 + 0.0)
     name = f"{controller_class.__name__}.act" if controller_class else ""
     must = f"{name} must return" if name else "the command must be"
@@ -175,6 +239,6 @@ def controller_info_of(controller: Controller, path: str | None = None) -> Contr
         )
     if not isinstance(labels, Mapping) or not all(isinstance(meaning, str) for meaning in labels.values()):
         raise ControllerError(f"labels of {name} must be a dict of names and their meanings, got {shown(labels)}")
-    sensors = controller.sensors if isinstance(controller.sensors, Sequence) else ()  # SensorSuite refuses others
+    sensors = _sensors_of(controller)
     recorded = tuple(definition_of(each) for each in sensors if isinstance(each, Sensor) and each.record)
     return ControllerInfo(name, version, dict(settings), dict(labels) or None, recorded)

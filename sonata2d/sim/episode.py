@@ -15,15 +15,15 @@ from ..core.devices import DeviceEvent
 from ..core.drawable import Drawable
 from ..core.files import interruption
 from ..core.geometry import Twist
-from ..core.humans import X, Y
 from ..core.scene import Scene
-from ..core.snapshot import Contact, ControllerInfo, Frame, Frames, Observer, Outcome, Snapshot, Status
+from ..core.snapshot import ControllerInfo, Frame, Frames, Observer, Outcome, Snapshot, Status
 from ..core.wording import counted, shown, text_of
 from ..errors import ControllerError, Sonata2dError
 from ..view.drawing import Drawing, drawing_of
-from .driver import Driver, checked_twist, controller_info_of, renderer_for
+from .driver import checked_twist, drivers_of
 from .inputs import Inputs, TickInput
 from .member import CompiledRun
+from .outcomes import arrivals_at, outcome_at, outcome_of_several
 from .world import World
 
 
@@ -80,7 +80,7 @@ class Episode(Drawable):
         self._crowd, self._world = Crowd(scene), World(scene)
         self._observed: Snapshot | None = None  # of the present tick
         self._has_given_others = bool(others)
-        self._drivers = _drivers(scene, controller, others, controller_info, renderer)
+        self._drivers = drivers_of(scene, controller, others, controller_info, renderer)
         self._observing = [driver for driver in self._drivers if driver.sensors]
         self._is_sensing = any(sensor.record for driver in self._observing for sensor in driver.controller.sensors)
         self._arrivals: list[int | None] = [None] * len(self._drivers)  # ticks; not of a single robot
@@ -378,7 +378,7 @@ class Episode(Drawable):
         for k, is_at_goal in enumerate(arrivals_at(snapshot)):
             if is_at_goal and self._arrivals[k] is None:
                 self._arrivals[k] = snapshot.tick
-        return _outcome_of_several(snapshot, None not in self._arrivals)
+        return outcome_of_several(snapshot, None not in self._arrivals)
 
     def _with_events(self, events: tuple[DeviceEvent, ...]) -> Snapshot:
         """The snapshot of the present tick, with events added to those that it already has."""
@@ -495,50 +495,6 @@ class Episode(Drawable):
             observer.close(snapshot, outcome)
 
 
-def _drivers(
-    scene: Scene,
-    controller: Controller,
-    others: Sequence[Controller] | None,
-    info: ControllerInfo | None,
-    renderer: Renderer | None,
-) -> list[Driver]:
-    """The drivers of all robots; `info` describes the controller, and with `others` those of the other robots."""
-    names: list[str | None] = [other.controller for other in scene.robots]
-    if others is None and names:
-        from ..agents.controllers.loading import is_installed, load_controller  # which few episodes need
-
-        for other in scene.robots:
-            if not is_installed(other.controller, {}):  # a file may name anything
-                raise ControllerError(
-                    f"the controller {other.controller!r} of robot {other.id} is neither built in nor a plug-in; give "
-                    "the controllers of the other robots: others=[...]"
-                )
-        others = [load_controller(other.controller) for other in scene.robots]
-    else:
-        names = [None for _ in names]
-    others = others or ()
-    if not isinstance(others, Sequence):
-        raise TypeError(
-            f"others are several controllers, got {shown(others)}; write others=[{type(others).__name__}()]"
-        )
-    if len(others) != len(names):
-        robots = counted(len(names), "other robot")
-        raise ValueError(f"the scene has {robots}, got {counted(len(others), 'controller')} for them")
-    controllers = [controller, *map(require_controller, others)]
-    for k, each in enumerate(controllers):
-        if not each.drives_several and any(each is earlier for earlier in controllers[:k]):
-            raise ValueError(
-                f"one {type(each).__name__} cannot drive several robots; give each robot an object of its own, or set "
-                "drives_several = True in a class that tells them apart by snapshot.robot.id"
-            )
-    infos = [info or controller_info_of(controller), *(info.others if info else ())]
-    known = len(infos)
-    infos += [controller_info_of(*each) for each in zip(controllers[known:], names[known - 1 :], strict=True)]
-    views = [scene.seen_by(id) for id in scene.robot_ids]
-    drivers = zip(controllers, views, infos, [renderer, *map(renderer_for, others)], strict=True)
-    return [Driver(each, view, its_info, renderer or own) for each, view, its_info, own in drivers]
-
-
 def _takes_many_frames(observer: Observer) -> bool:
     """Whether an observer has a method `on_frames` that belongs to its `on_frame`, and not to a base class only."""
     if "on_frame" in vars(observer):
@@ -561,54 +517,3 @@ def _(episode: Episode) -> Drawing:
     ]
     status = None if episode.outcome is None else episode.outcome.status
     return Drawing([*snapshots, again.snapshot()], status, commands or None, labels or None)
-
-
-def arrivals_at(snapshot: Snapshot) -> list[bool]:
-    """Whether each robot is at its goal, in the order of `Scene.robot_ids`."""
-    goals = (goal for _, goal in snapshot.scene.tasks)
-    return [goal.is_reached(robot.pose) for goal, robot in zip(goals, (snapshot.robot, *snapshot.robots), strict=True)]
-
-
-def outcome_at(snapshot: Snapshot) -> Outcome | None:
-    """The outcome if an episode of one robot ends at a snapshot: goal reached, contact if the rules say so, or time.
-
-    Returns:
-        None if the episode continues.
-    """
-    scene, row = snapshot.scene, snapshot.state.row
-    goal, rules = scene.goal, scene.rules
-    # The exact test needs the robot's heading, which takes longer to find than most ticks need for all of this.
-    reach = goal.distance + 1e-6
-    is_near = abs(goal.x - row.item(X)) <= reach and abs(goal.y - row.item(Y)) <= reach
-    if is_near and "goal" in rules.ends_on and goal.is_reached(snapshot.robot.pose):
-        return Outcome("goal", f"within {goal.distance} m of the goal", snapshot.tick, snapshot.time)
-    if "contact" in rules.ends_on and snapshot.contacts:
-        return Outcome("contact", _described(snapshot.contacts[0]), snapshot.tick, snapshot.time)
-    if snapshot.tick >= rules.last_tick:
-        return Outcome("timeout", f"{snapshot.time} s are over", snapshot.tick, snapshot.time)
-    return None
-
-
-def _outcome_of_several(snapshot: Snapshot, have_arrived: bool) -> Outcome | None:
-    """`outcome_at` of a scene with several robots, which have all arrived or not."""
-    scene, rules = snapshot.scene, snapshot.scene.rules
-    if "goal" in rules.ends_on and have_arrived:
-        count = len(scene.robot_ids)
-        return Outcome("goal", f"all {count} robots have reached their goals", snapshot.tick, snapshot.time)
-    if "contact" in rules.ends_on:
-        for id, contacts in zip(scene.robot_ids, (snapshot.contacts, *snapshot.contacts_of_robots), strict=True):
-            if contacts:
-                reason = f"robot {id}: {_described(contacts[0])}"
-                return Outcome("contact", reason, snapshot.tick, snapshot.time)
-    if snapshot.tick >= rules.last_tick:
-        return Outcome("timeout", f"{snapshot.time} s are over", snapshot.tick, snapshot.time)
-    return None
-
-
-def _described(contact: Contact) -> str:
-    fault = _FAULTS[contact.robot_at_fault, contact.other_at_fault]
-    return f"contact with {contact.kind} {contact.id}, at fault: {fault}"
-
-
-# By fault of the robot and of the other side. Recorded in files.
-_FAULTS = {(True, False): "the robot", (False, True): "the other", (True, True): "both", (False, False): "nobody"}

@@ -13,8 +13,6 @@ from ..core.devices import DeviceEvent
 from ..core.geometry import Twist, quantised
 from ..core.portable_math import Array
 
-USUAL = 1e4  # m/s, rad/s, beyond which the limits of files are looked at
-
 
 @dataclass(frozen=True, slots=True)
 class TickInput:
@@ -36,29 +34,25 @@ class TickInput:
 class Inputs(Sequence[TickInput]):
     """The inputs of consecutive ticks: 24 bytes a tick, where it has no label, no events and no other robots.
 
-    Commands are rounded to the precision of files.
+    Commands have the precision of files.
 
     Args:
-        inputs: of the first ticks.
+        inputs: of the first ticks; their commands are rounded.
     """
 
     def __init__(self, inputs: Iterable[TickInput] = ()) -> None:
         self._numbers = array("d")  # three for each command
         self._others: dict[int, TickInput] = {}  # by tick, those with more than a command
         for each in inputs:
-            self.append(each)
+            others = tuple((_rounded(command), label) for command, label in each.others)
+            self.append(replace(each, command=_rounded(each.command), others=others))
 
     def append(self, tick_input: TickInput) -> None:
-        """Add the input of the next tick."""
+        """Add the input of the next tick, whose commands are rounded already."""
         command = tick_input.command
-        vx, vy, omega = _rounded(command.vx), _rounded(command.vy), _rounded(command.omega)
         if tick_input.label is not None or tick_input.events or tick_input.others:
-            others = tuple(
-                (Twist(_rounded(other.vx), _rounded(other.vy), _rounded(other.omega)), label)
-                for other, label in tick_input.others
-            )
-            self._others[len(self)] = replace(tick_input, command=Twist(vx, vy, omega), others=others)
-        self._numbers.extend((vx, vy, omega))
+            self._others[len(self)] = tick_input
+        self._numbers.extend((command.vx, command.vy, command.omega))
 
     def extend(self, commands: Array, labels: Sequence[Any] | None = None) -> None:
         """Add the inputs of the next ticks, which have no events.
@@ -118,10 +112,12 @@ class Inputs(Sequence[TickInput]):
         return f"Inputs({[*self]!r})"
 
 
-def _rounded(value: float) -> float:
-    """A number as a file holds it; unchanged if none can hold it."""
-    if type(value) is float and -USUAL < value < USUAL:  # the usual case in half of the time
-        return round(value * 1e4) / 1e4 + 0.0
+def _rounded(command: Twist) -> Twist:
+    """A command as a file holds it; numbers that no file can hold stay unchanged."""
+    return Twist(*(_rounded_number(value) for value in (command.vx, command.vy, command.omega)))
+
+
+def _rounded_number(value: float) -> float:
     try:
         return quantised(float(value))
     except ValueError:

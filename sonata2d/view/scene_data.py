@@ -9,13 +9,7 @@ from functools import partial
 from typing import Any
 from xml.etree import ElementTree
 
-from ..core.proxemics import (
-    INTIMATE_DISTANCE,
-    PERSONAL_DISTANCE,
-    clearance,
-    obstacle_clearance,
-    touched_kind,
-)
+from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearance, obstacle_clearance, touched_kind
 from ..core.relations import ACTIVITIES, ACTIVITY
 from ..core.scene import Scene
 from ..core.snapshot import RobotState, Snapshot

@@ -238,7 +238,7 @@ class ParticipantSession:
             "run": self.run,
             "ticks": session.ticks,
             "status": session.state,
-            "state": state_data(session.after) | {"hasArrived": session.has_arrived},
+            "state": driven_state(session),
             "outcome": session.outcome.status if session.outcome else None,
             "frameLabel": session.label,
             "isUnsaved": session.journal_error is not None,
@@ -320,6 +320,11 @@ def preferred(known: Sequence[str], wanted: Iterable[str]) -> str:
     by_language = {language.lower().partition("-")[0]: language for language in reversed(known)}
     matches = (by_language.get(language.strip().lower().partition("-")[0]) for language in wanted)
     return next(filter(None, matches), known[0])
+
+
+def driven_state(session: Session) -> Json:
+    """The present state of a run for the page, and whether its robot waits for others at its goal."""
+    return state_data(session.after) | {"hasArrived": session.has_arrived}
 
 
 def _stand_still(session: Session) -> None:

@@ -13,9 +13,9 @@ from ..study.folder import StudyFolder
 from ..study.links import Links
 from ..study.progress import Progress, progress_of_all
 from ..study.texts import Json
-from ..view.scene_data import scene_data, state_data
+from ..view.scene_data import scene_data
 from . import messages as m
-from .participant_session import ParticipantSession
+from .participant_session import ParticipantSession, driven_state
 
 _MOST_DISPUTED = 5  # runs of a block of ratings
 
@@ -122,11 +122,7 @@ class Researcher:
         look: Json = {"type": "look", "participant": message.participant, "drive": None}
         if session is not None and run is not None:
             key = f"{message.participant}/{session.run}/{run.scene.episode}"
-            look["drive"] = {
-                "scene": key,
-                "ticks": run.ticks,
-                "state": state_data(run.after) | {"hasArrived": run.has_arrived},
-            }
+            look["drive"] = {"scene": key, "ticks": run.ticks, "state": driven_state(run)}
             if message.scene != key:
                 look["drive"]["data"] = scene_data(run.scene)
         return look

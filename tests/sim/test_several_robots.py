@@ -430,7 +430,7 @@ def test_other_robots_of_a_branch_remember_what_they_saw(recorded: s2.EpisodeRec
         s2.Episode(recorded.scene(), s2.StraightToGoal(), observers=[recorder]).run()
     record = s2.read_episode(tmp_path / "episode.json")
     again = s2.EpisodeRecorder()
-    branch(record.path, 30, s2.StraightToGoal(), observers=[again]).run()  # whose own memory is empty
+    branch(record.path, 30, s2.StraightToGoal(), observers=[again]).run()
     assert again.record().document["frames"] == record.document["frames"]
     commands = [frame.command for frame in record.frames()]
     past = [TickInput(command) for command in commands[:40]]  # without the commands of others: they are asked

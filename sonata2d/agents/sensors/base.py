@@ -158,6 +158,9 @@ class Sensor(FloatFields, ABC):
         raise RecordError(f"readings of {name} cannot be mirrored; define {name}.mirrored_json, or set record=False")
 
 
+_OF_ALL = ("name", "record")  # fields that are no settings in a file
+
+
 def definition_of(sensor: Sensor) -> dict[str, Any]:
     """Name, type and settings of a sensor, as files hold them; the type is a registered name, or `module:Class`."""
     kind = type(sensor)
@@ -169,9 +172,6 @@ def definition_of(sensor: Sensor) -> dict[str, Any]:
     }
     settings = {each.name: getattr(sensor, each.name) for each in fields(sensor) if each.name not in _OF_ALL}
     return {"name": sensor.name, "type": known.get(path, path), "settings": settings}
-
-
-_OF_ALL = ("name", "record")  # fields that are no settings in a file
 
 
 def sensor_class(name: str) -> type[Sensor]:
@@ -246,7 +246,7 @@ def numbers_of(values: Any, name: str, count: int) -> list[float]:
     """Numbers in a reading that a file holds.
 
     Raises:
-        ValueError: they are not a list of so many numbers.
+        ValueError: `values` is not a list of `count` numbers.
     """
     if not isinstance(values, list) or len(values) != count or not {*map(type, values)} <= {int, float}:
         raise ValueError(f"{name} must be {count} numbers, got {shown(values)}")

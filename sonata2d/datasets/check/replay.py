@@ -38,7 +38,7 @@ from .episodes import Problem
 
 @dataclass(frozen=True)
 class _RecordedReadings(Sensor):
-    """A sensor whose type is not registered: its recorded readings are taken as they are.
+    """Stands for a sensor of an unregistered type: it returns the recorded readings.
 
     Attributes:
         readings: by tick, as files hold them.

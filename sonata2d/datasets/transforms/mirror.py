@@ -410,7 +410,12 @@ def _sensors_of(robot: JsonDict) -> dict[str, Any]:
 
 
 def _readings_image(frame: JsonDict, sensors: list[dict[str, Any]]) -> JsonDict:
-    """A frame with the images of its readings; they are computed from a frame whose other values are images already."""
+    """Mirror the readings in a frame.
+
+    Args:
+        frame: with all other values mirrored.
+        sensors: of each robot, by name.
+    """
     robots = [frame, *(frame.get("robots") or ())]
     images = [
         robot | {"sensors": {name: own[name].mirrored_json(value) for name, value in robot["sensors"].items()}}

@@ -219,7 +219,7 @@ def _measure(member: Member, world: Buffers) -> None:
 
 @subroutine
 def _outcome(member: Member, world: Buffers) -> int:
-    """As `sim.episode.outcome_at`."""
+    """As `sim.outcomes.outcome_at`."""
     if member.ends_on[0] and is_at_goal(member.goal, world.robot):
         return GOAL
     if member.ends_on[1] and world.guard.counts[2] != 0:
