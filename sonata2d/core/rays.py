@@ -5,13 +5,18 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from .barrier_grid import Solids, column_of, rows_near_line
 from .compiled.kernel import kernel, subroutine
 from .compiled.packing import unpack
-from .compiled.scalar import length
+from .compiled.scalar import Vector, length
 from .humans import BODY_X, BODY_Y, X, Y
 from .portable_math import Array, BoolArray, IntArray
 from .state import HUMAN_SIZE, ROBOT_SIZE
+
+_BUNDLE = 8  # neighbouring rays for which outlines are chosen together
+_MANY = 160  # barriers, above which each ray looks for them in the grid
 
 
 @kernel
@@ -98,32 +103,62 @@ def measure_ranges(
         c, s: cosine and sine of the heading of their frame.
         packed_solids: walls and furniture.
         lines: (L, 5), start, end and radius of further outlines, m, world frame.
-        directions: (R, 2), unit vectors, in the frame of the rays.
+        directions: (R, 2), unit vectors, from right to left, in the frame of the rays.
         ranges: (R,), m, is updated.
     """
     solids = unpack(packed_solids, Solids)
-    for r in range(len(directions)):
-        ahead, left, nearest = directions[r, 0], directions[r, 1], ranges[r]
-        ux, uy = ahead * c - left * s, ahead * s + left * c
-        nearest = _range_to_solids(solids, x, y, ux, uy, nearest)
-        for k in range(len(lines)):
-            ax, ay, bx, by, radius = lines[k, 0] - x, lines[k, 1] - y, lines[k, 2] - x, lines[k, 3] - y, lines[k, 4]
-            nearest = _nearer(ux, uy, ax, ay, bx, by, radius, nearest)
-        ranges[r] = nearest
+    in_grid = len(solids.table) > _MANY
+    count = 0 if in_grid else len(solids.table)
+    outlines, chosen = np.empty((count + len(lines), 5)), np.empty(count + len(lines), np.int64)
+    for k in range(len(outlines)):
+        line = solids.table[k] if k < count else lines[k - count]
+        outlines[k, 0], outlines[k, 1] = line[0] - x, line[1] - y
+        outlines[k, 2], outlines[k, 3], outlines[k, 4] = line[2] - x, line[3] - y, line[4]
+    for first in range(0, len(directions), _BUNDLE):  # neighbouring rays meet the same few outlines
+        end = min(first + _BUNDLE, len(directions))
+        number = _choose(outlines, _turned(directions, first, c, s), _turned(directions, end - 1, c, s), chosen)
+        for r in range(first, end):
+            (ux, uy), nearest = _turned(directions, r, c, s), ranges[r]
+            if in_grid:
+                nearest = _range_to_solids(solids, x, y, ux, uy, nearest)
+            for n in range(number):
+                line = outlines[chosen[n]]
+                nearest = _nearer(ux, uy, line[0], line[1], line[2], line[3], line[4], nearest)
+            ranges[r] = nearest
+
+
+@subroutine
+def _turned(directions: Array, r: int, c: float, s: float) -> Vector:
+    """The direction of ray r in the world frame."""
+    ahead, left = directions[r, 0], directions[r, 1]
+    return ahead * c - left * s, ahead * s + left * c
+
+
+@subroutine
+def _choose(outlines: Array, right: Vector, left: Vector, chosen: IntArray) -> int:
+    """The outlines that rays from the origin between two directions can meet: their number; all for a wide angle.
+
+    Args:
+        outlines: (L, 5), start, end and radius, m.
+        right, left: unit vectors.
+        chosen: (L,), output.
+    """
+    (rx, ry), (lx, ly), number = right, left, 0
+    is_narrow = rx * lx + ry * ly > 0.0 and rx * ly - ry * lx >= 0.0
+    for k in range(len(outlines)):
+        ax, ay, bx, by, reach = outlines[k, 0], outlines[k, 1], outlines[k, 2], outlines[k, 3], outlines[k, 4] + 1e-9
+        is_right = rx * ay - ry * ax < -reach and rx * by - ry * bx < -reach
+        is_left = lx * ay - ly * ax > reach and lx * by - ly * bx > reach
+        if not (is_narrow and (is_right or is_left)):
+            chosen[number] = k
+            number += 1
+    return number
 
 
 @subroutine
 def _range_to_solids(solids: Solids, x: float, y: float, ux: float, uy: float, maximum: float) -> float:
     """Range of a ray from a point to the nearest barrier, at most the maximum, m."""
     grid, nearest = solids.grid, maximum
-    if len(solids.table) == 0:
-        return nearest
-    if grid.columns * grid.rows == 1:
-        for n in range(len(solids.table)):
-            wall = solids.table[n]
-            ax, ay, bx, by = wall[0] - x, wall[1] - y, wall[2] - x, wall[3] - y
-            nearest = _nearer(ux, uy, ax, ay, bx, by, wall[4], nearest)
-        return nearest
     column, last, step = column_of(grid, x), column_of(grid, x + ux * maximum), 1 if ux >= 0.0 else -1
     while True:
         # Cells of the columns that the ray passes, up to what it has met so far.

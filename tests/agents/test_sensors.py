@@ -25,12 +25,15 @@ from sonata2d.sim.driver import renderer_for
 from ..conftest import room, walker
 
 
-def furnished(seed: int) -> Scene:
-    """A room with people, walls, and furniture of all outlines at random places."""
+def furnished(seed: int, boxes: int = 0) -> Scene:
+    """A room with people, walls, furniture of all outlines, and small boxes at random places."""
     draw = np.random.default_rng(seed)
     shapes = [Rectangle(0.8, 0.5), Disc(0.3), Polygon(((0.5, 0.0), (-0.3, 0.4), (-0.3, -0.4))), Rectangle(0.4, 1.2)]
     places = draw.uniform(-3.4, 3.4, (12, 3))
     furniture = [Furniture(20 + k, "box", Pose(*places[k].tolist()), shape) for k, shape in enumerate(shapes)]
+    furniture += [
+        Furniture(30 + k, "box", Pose(*draw.uniform(-3.9, 3.9, 3).tolist()), Rectangle(0.1, 0.1)) for k in range(boxes)
+    ]
     humans = [walker(1 + k, *places[4 + k].tolist(), breadth=0.3 + 0.05 * k) for k in range(5)]
     inner = [Wall((2.0, -3.0), (2.5, 1.0)), Wall((-1.0, 2.0), (1.0, 2.0))]
     return room(humans, furniture, inner=inner, robot=Pose(*places[9].tolist()))
@@ -77,9 +80,9 @@ def cast(snapshot: Snapshot, origin: Array, angle: Array, maximum: float) -> Arr
     return ranges
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_ranges_equal_those_of_separate_ray_casting(seed: int) -> None:
-    scene = furnished(seed)
+@pytest.mark.parametrize(("seed", "boxes"), [(0, 0), (1, 0), (2, 0), (3, 0), (4, 60)])
+def test_ranges_equal_those_of_separate_ray_casting(seed: int, boxes: int) -> None:
+    scene = furnished(seed, boxes)
     snapshot = s2.Episode(scene).observe()
     lidar = Lidar(rays=250, distance=6.0, mount=(0.2, -0.1), heading=0.3)
     reading = lidar.start(scene)(snapshot, noise_of())
@@ -91,6 +94,10 @@ def test_ranges_equal_those_of_separate_ray_casting(seed: int) -> None:
     hits = np.isfinite(reading.ranges)
     places = reading.points - (0.2, -0.1)
     np.testing.assert_allclose(np.linalg.norm(places, axis=1), reading.ranges[hits], atol=1e-12)
+    for rays in (1, 2, 5, 10):  # wide angles between rays
+        few = Lidar(rays=rays, distance=6.0, mount=(0.2, -0.1), heading=0.3).start(scene)(snapshot, noise_of())
+        same = reading.ranges[:: 250 // rays] if rays > 1 else reading.ranges[125:126]
+        np.testing.assert_allclose(few.ranges, same, atol=1e-9)
 
 
 def test_a_field_of_view_spreads_the_rays_from_right_to_left() -> None:
