@@ -70,6 +70,8 @@ def _collinear_pairs(ends: Array, line: IntArray) -> Iterator[IntArray]:
         i, j = begin + np.stack(np.nonzero(np.triu(meets, 1)))
         i, j = i[line[i] != line[j]], j[line[i] != line[j]]
         near = _is_within(along[i], along[j]) & _is_within(along[i], middle[j] - middle[i])  # drops nearly all, cheaply
+        if not near.any():
+            continue
         pairs = np.stack((i[near], j[near]), axis=1)
         yield pairs[_is_straight(ends[pairs].reshape(-1, 4, 2))]
 

@@ -72,8 +72,7 @@ def episode_in(path: Path, stored: bytes | None) -> EpisodeRecord:
         raise RecordError(f"{path} is a shard; name an episode in it, such as {path / first}, or its data set")
     with without_garbage_collection():
         document = _document_of(read_bytes(path) if stored is None else unpacked(stored, path), path)
-        require_valid(document, path)
-        return record_from_document(document, path)
+        return record_from_document(document, path, require_valid(document, path))
 
 
 @contextmanager

@@ -22,13 +22,11 @@ from ..core.scene import Scene
 from ..core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot
 from ..core.wording import counted
 from ..view.drawing import Drawing, drawing_of
+from .columns import Columns, States, columns_of
 from .counts import run_counts
 from .frames import never_entered
 from .layout import (
-    ABSENT,
     COMMAND_NAMES,
-    HUMAN_NAMES,
-    ROBOT_NAMES,
     ROW_HEAD,
     ROW_OMEGA,
     ROW_THETA,
@@ -44,32 +42,6 @@ from .views import document_seen_by, document_until_arrival, document_with_robot
 
 if TYPE_CHECKING:
     from ..agents.sensors.base import Readings, Sensor
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class States:
-    """States of the world at all ticks, the final state included: T + 1 rows for T frames; N people; read-only arrays.
-
-    Attributes:
-        tick: (T + 1,) of int.
-        time: (T + 1,), s.
-        robot: (T + 1, 6), columns x, y, theta, vx, vy, omega; SI units, world frame.
-        robots: (T + 1, M, 6), the same columns of the M other robots.
-        humans: (T + 1, N, 7), columns x, y, theta, vx, vy, omega, head; SI units, world frame; NaN where not present.
-        present: (T + 1, N) of bool.
-        activity: (T + 1, N) of int, into `relations.ACTIVITIES`; -1 where not present.
-    """
-
-    tick: IntArray
-    time: Array
-    robot: Array
-    robots: Array
-    humans: Array
-    present: BoolArray
-    activity: IntArray
-
-    def __repr__(self) -> str:
-        return f"<States: {counted(len(self.tick), 'tick')}, {counted(self.humans.shape[1], 'person')}>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -321,10 +293,13 @@ class EpisodeRecord(Drawable):
         contacts = [
             [_contact(row) for robot in (state, *(state.get("robots") or ())) for row in robot["contacts"]]
             for state in states
+            if state["contacts"] or "robots" in state
         ]
-        others = [[robot["command"] for robot in frame.get("robots") or ()] for frame in self.document["frames"]]
-        shape = len(self), len(self._scene.robots), len(COMMAND_NAMES)
-        commands = np.concatenate((self.command[:, None], np.array(others, dtype=float).reshape(shape)), axis=1)
+        commands = self.command[:, None]
+        if self._scene.robots:
+            others = [[robot["command"] for robot in frame["robots"]] for frame in self.document["frames"]]
+            shape = len(self), len(self._scene.robots), len(COMMAND_NAMES)
+            commands = np.concatenate((commands, np.array(others, dtype=float).reshape(shape)), axis=1)
         return run_counts([robot for robot, _ in self._scene.tasks], contacts, commands.swapaxes(0, 1))
 
     def scene(self) -> Scene:
@@ -431,53 +406,20 @@ class EpisodeRecord(Drawable):
         return humans.select(np.flatnonzero(present))
 
 
-def record_from_document(document: JsonDict, path: Path) -> EpisodeRecord:
+def record_from_document(document: JsonDict, path: Path, columns: Columns | None = None) -> EpisodeRecord:
     """Create a record from a document of this format version.
 
     Args:
         document: valid, see `validate.require_valid`.
         path: of the file.
+        columns: of the document, if they are known.
     """
-    frames, outcome = document["frames"], document["outcome"]
+    outcome, (states, command, executed, guarded, _) = document["outcome"], columns or columns_of(document)
+    arrivals = tuple(outcome.get("arrivals") or ())
     return EpisodeRecord(
-        path=path,
-        document=document,
-        states=_stack_states([*frames, document["final"]], len(document["humans"]), len(document.get("robots") or ())),
-        command=_stack([frame["command"] for frame in frames], len(COMMAND_NAMES)),
-        executed=_stack([frame["executed"] for frame in frames], len(COMMAND_NAMES)),
-        guarded=frozen(np.array([frame["guarded"] for frame in frames], dtype=bool)),
-        outcome=Outcome(
-            outcome["status"], outcome["reason"], outcome["tick"], outcome["time"], tuple(outcome.get("arrivals") or ())
-        ),
-    )
-
-
-def _stack_states(states: list[JsonDict], human_count: int, other_robots: int) -> States:
-    activity = np.array([state["activity"] for state in states], dtype=np.int64).reshape(len(states), human_count)
-    absent_row = [np.nan] * len(HUMAN_NAMES)
-    humans = [[absent_row if row is None else row for row in state["humans"]] for state in states]
-    return States(
-        tick=frozen(np.array([state["tick"] for state in states], dtype=np.int64)),
-        time=_stack([state["time"] for state in states]),
-        robot=_stack([state["robot"] for state in states], len(ROBOT_NAMES)),
-        robots=_stack(
-            [[other["robot"] for other in state["robots"]] if other_robots else [] for state in states],
-            other_robots,
-            len(ROBOT_NAMES),
-        ),
-        humans=_stack(humans, human_count, len(HUMAN_NAMES)),
-        present=frozen(activity != ABSENT),
-        activity=frozen(activity),
-    )
-
-
-def _stack(values: list[Any], *shape: int) -> Array:
-    """Stack the values of one key of all states into a read-only array, (T, *shape).
-
-    Raises:
-        ValueError: the values are not of this shape.
-    """
-    return frozen(np.array(values, dtype=np.float64).reshape(len(values), *shape))
+        path, document, states, command, executed, guarded,
+        Outcome(outcome["status"], outcome["reason"], outcome["tick"], outcome["time"], arrivals),
+    )  # fmt: skip
 
 
 @drawing_of.register

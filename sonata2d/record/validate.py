@@ -26,6 +26,7 @@ from ..core.scene import Scene
 from ..core.state import HUMAN_SIZE
 from ..core.wording import described, shown, text_of
 from ..errors import InvalidFileError, RecordError, Sonata2dError
+from .columns import Columns, columns_of, frames_to_compare
 from .layout import ABSENT, COLUMNS, JsonDict, scene_to_json
 
 if TYPE_CHECKING:
@@ -39,22 +40,31 @@ _FIXTURES = ("walls", "objects", "doors", "queues", "places")
 _MAX_FINDINGS = 100  # of the schema: of each list the first faulty entry
 
 
-def require_valid(document: Any, path: Path) -> None:
+def require_valid(document: Any, path: Path) -> Columns:
     """Require a valid document of an episode.
 
     Args:
         document: parsed JSON.
         path: of the file, for the message.
 
+    Returns:
+        The arrays of the document.
+
     Raises:
         InvalidFileError: it is invalid; one line with the first finding, and all of them as `findings`.
     """
-    findings = list(_findings(document))
+    try:
+        columns = columns_of(document)
+        reduced = document | {"frames": frames_to_compare(document, columns)}
+    except (LookupError, TypeError, ValueError, OverflowError):
+        reduced = document  # the schema says why
+    findings = list(_findings(document, reduced))
     if findings:
         place, message = findings[0]
         rest = len(findings) - 1
         more = f" (and at least {rest} more; `sonata2d check` lists the first of each list)" if rest else ""
         raise InvalidFileError(f"{path} is not a valid episode: {place}: {message}{more}", findings)
+    return columns
 
 
 def consistent_scene(scene: Scene) -> JsonDict:
@@ -78,11 +88,18 @@ def _count_findings(document: JsonDict) -> Iterator[Finding]:
             yield place, f"there are {len(entries)}; the limit is {MAX_COUNT}"
 
 
-def _findings(document: Any) -> Iterator[Finding]:
-    """All violations of the schema; if there are none, all inconsistencies of the content."""
+def _findings(document: Any, reduced: Any) -> Iterator[Finding]:
+    """All violations of the schema; if there are none, all inconsistencies of the content.
+
+    Args:
+        document: parsed JSON.
+        reduced: the document without frames that agree with the schema.
+    """
     from .models import Episode
 
-    violations = list(schema_findings(document, Episode))
+    violations = list(schema_findings(reduced, Episode))
+    if violations and reduced is not document:
+        violations = list(schema_findings(document, Episode))  # with the numbers of all frames
     yield from violations
     if not violations:
         yield from _content_findings(document)
@@ -122,7 +139,10 @@ def _content_findings(document: JsonDict) -> Iterator[Finding]:
 def _depth_findings(document: JsonDict) -> Iterator[Finding]:
     """Labels, readings, settings and unknown keys of any structure must be possible to write again."""
     parts = {key: value for key, value in document.items() if key not in ("frames", "final")}
-    for key, value in (parts | {"frames": [_free_values(frame) for frame in document["frames"]]}).items():
+    free = [
+        _free_values(each) for each in document["frames"] if "label" in each or "sensors" in each or "robots" in each
+    ]
+    for key, value in (parts | {"frames": free}).items():
         try:
             orjson.dumps(value)
         except orjson.JSONEncodeError:
@@ -305,11 +325,15 @@ def _reference_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[
     for src, relation, dst in document["interactions"]:
         if src not in humans or dst not in known or relation not in RELATIONS:
             yield "interactions", f"{relation} of {src} and {dst}: unknown relation or entity"
+    unknown = {(src, dst) for state in states for src, _, dst in state["interactions"]}
+    unknown = {(src, dst) for src, dst in unknown if src not in humans or dst not in known}
     for t, state in enumerate(states):
-        for src, relation, dst in state["interactions"]:
-            if src not in humans or dst not in known:
+        for src, relation, dst in state["interactions"] if unknown else ():
+            if (src, dst) in unknown:
                 yield f"frames.{t}.interactions", f"{relation} of {src} and {dst}: unknown entity"
                 return
+        if not state["contacts"] and "robots" not in state:
+            continue
         for contact in chain(state["contacts"], *(other["contacts"] for other in state.get("robots") or ())):
             if contact["id"] not in touchable[contact["kind"]]:
                 yield f"frames.{t}.contacts", f"there is no {contact['kind']} {contact['id']}"

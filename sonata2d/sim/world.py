@@ -65,10 +65,10 @@ class World:
         self.scene, self.tick = scene, 0
         count, self._substeps = len(scene.humans), physics_steps(scene)
         self._bodies = Bodies(scene)
-        space, bodies = self._bodies.new_space()
+        space = self._bodies.new_space()
         self.row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count + ROBOT_SIZE * len(scene.robots))  # as `State.row`
         shoulder = scene.human_table.shoulder.copy()
-        self._engine = EngineMemory(space, bodies, self._bodies.torsos, shoulder)
+        self._engine = EngineMemory(space, self._bodies.bodies, self._bodies.torsos, shoulder)
         self._buffers = Buffers(
             humans=self.row[ROBOT_SIZE : ROBOT_SIZE + HUMAN_SIZE * count].reshape(count, HUMAN_SIZE),
             posture=np.zeros((count, 3)),
@@ -246,7 +246,7 @@ class World:
         self.set_seats(self._seats_at_start)
         for kept in self._kept:
             kept.restore()
-        self._engine.use(self._bodies.new_space()[0])
+        self._engine.use(self._bodies.new_space())
         begin(self.argument)
         self.tick, self._last_contacts = 0, (b"", ())
         self._activity, self._interactions = initial_activities(self.scene), self.scene.interactions

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from collections.abc import Iterator, Set
+from collections.abc import Callable, Iterator, Set
 from functools import cache
 from itertools import count
-from operator import index
+from operator import attrgetter
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 from weakref import WeakValueDictionary
 
-import cffi
+import _cffi_backend
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,9 +37,9 @@ Bools = Annotated[NDArray[np.bool_], np.bool_, 1]
 
 
 _SCALARS: dict[Any, Any] = {float: np.float64, int: np.int64, bool: np.bool_}
-_FFI = cffi.FFI()  # twice as fast as `ndarray.ctypes`, and a world has some 300 arrays
+# Four times as fast as `ndarray.ctypes`, and a world has some 500 arrays. `cffi.FFI` is a slower wrapper in Python.
+_FFI = _cffi_backend.FFI()
 _ADDRESS = _FFI.typeof("uintptr_t")
-_FLOAT, _WORD = struct.Struct("=d"), struct.Struct("=q")
 _interpreted: WeakValueDictionary[int, Packed[Any]] = WeakValueDictionary()  # of the interpreter, by address
 
 
@@ -164,90 +164,80 @@ def pack(value: T) -> Any:
     if not IS_COMPILED:
         return value
     kind = value.__class__
-    plan, items = _plan(kind), list[Any]()
-    _flatten(value, kind, items)
-    words = np.empty(plan.size, dtype=np.int64)
-    words[0] = _layout_id(kind)
-    for place, position, is_float in plan.numbers:
-        try:
-            words[position] = _WORD.unpack(_FLOAT.pack(items[place]))[0] if is_float else _whole(items[place])
-        except (TypeError, struct.error):
-            expected = "a number" if is_float else "a whole number"
-            raise TypeError(f"{kind.__name__} must have {expected} in place of {items[place]!r:.50}") from None
-    arrays = [items[place] for place in plan.arrays]
+    plan, words, kinds = _plan(kind), [_layout_id(kind)], []
+    items = plan.items(value) if len(plan.dimensions) > 1 else (plan.items(value),)
     try:
-        if not all(map(_is_array, arrays)) or [(array.dtype, array.ndim) for array in arrays] != plan.kinds:
+        for item, dimensions in zip(items, plan.dimensions, strict=True):
+            if dimensions:
+                kinds.append((item.dtype, item.ndim))
+                words.append(int(_FFI.cast(_ADDRESS, _FFI.from_buffer(item))))
+                words += item.shape
+            else:
+                words.append(int(item) if isinstance(item, np.bool_) else item)
+        if kinds != plan.kinds:
             raise ValueError
-        words[plan.addresses] = [int(_FFI.cast(_ADDRESS, _FFI.from_buffer(array))) for array in arrays]
-    except ValueError:  # also of an array that is not contiguous
+    except (AttributeError, TypeError, ValueError):  # also of an array that is not contiguous
         _require_arrays(value)
         raise
-    words[plan.shapes] = [length for array in arrays for length in array.shape]
-    return words
-
-
-def _is_array(item: Any) -> bool:
-    return isinstance(item, np.ndarray)
-
-
-def _whole(item: Any) -> int:
-    return int(item) if isinstance(item, bool | np.bool_) else index(item)
+    packed = np.empty(plan.words.size // 8, dtype=np.int64)
+    try:
+        plan.words.pack_into(packed.data, 0, *words)
+    except struct.error:
+        _require_numbers(value)
+        raise
+    return packed
 
 
 class _Plan(NamedTuple):
     """Places of the values of a packed named tuple.
 
     Attributes:
-        size: number of words.
-        numbers: of each number: its place among all values, its word, and whether it is a float.
-        arrays: places of the arrays among all values.
+        items: gets all numbers and arrays of a named tuple, with those of its named tuples in their places; the item
+            itself if there is one.
+        dimensions: of each; 0 for a number.
         kinds: element type and dimensions of each array.
-        addresses, shapes: words of the addresses, and of the lengths of all axes, of the arrays.
+        words: of the packed form: the layout, and of each item the number, or address and shape.
     """
 
-    size: int
-    numbers: list[tuple[int, int, bool]]
-    arrays: list[int]
+    items: Callable[[Any], Any]
+    dimensions: list[int]
     kinds: list[tuple[Any, int]]
-    addresses: NDArray[np.int64]
-    shapes: NDArray[np.int64]
+    words: struct.Struct
 
 
 @cache
 def _plan(kind: type) -> _Plan:
-    size, numbers, arrays, kinds, addresses, shapes = 1, [], [], [], list[int](), list[int]()
-    for place, field in enumerate(_flat_layout(kind)):
-        if field.dimensions == 0:
-            numbers.append((place, size, field.dtype is np.float64))
-        else:
-            arrays.append(place)
-            kinds.append((field.dtype, field.dimensions))
-            addresses.append(size)
-            shapes += range(size + 1, size + 1 + field.dimensions)
-        size += 1 + field.dimensions
-    return _Plan(size, numbers, arrays, kinds, np.array(addresses, dtype=int), np.array(shapes, dtype=int))
+    fields = _flat_layout(kind)
+    dimensions = [field.dimensions for field in fields]
+    kinds = [(field.dtype, field.dimensions) for field in fields if field.dimensions]
+    formats = ["d" if field.dtype is np.float64 and not field.dimensions else "q" for field in fields]
+    words = "".join(each + "q" * count for each, count in zip(formats, dimensions, strict=True))
+    return _Plan(attrgetter(*(field.name for field in fields)), dimensions, kinds, struct.Struct(f"=q{words}"))
 
 
 def _flat_layout(kind: type) -> list[_Field]:
-    """The fields of a named tuple class, with those of its named tuples in their places."""
+    """The fields of a named tuple class, with those of its named tuples, by dotted names, in their places."""
     flat: list[_Field] = []
     for field in layout(kind):
-        flat += _flat_layout(field.dtype) if field.dimensions < 0 else [field]
+        if field.dimensions < 0:
+            flat += [each._replace(name=f"{field.name}.{each.name}") for each in _flat_layout(field.dtype)]
+        else:
+            flat.append(field)
     return flat
 
 
-@cache
-def _is_nested(kind: type) -> tuple[bool, ...]:
-    return tuple(field.dimensions < 0 for field in layout(kind))
+def _require_numbers(value: Any) -> None:
+    """Require numbers as the fields of a named tuple declare them, and of its named tuples.
 
-
-def _flatten(value: Any, kind: type, items: list[Any]) -> None:
-    """Append the values of a named tuple, with those of its named tuples in their places."""
-    for item, is_nested in zip(value, _is_nested(kind), strict=True):
-        if is_nested:
-            _flatten(item, item.__class__, items)
-        else:
-            items.append(item)
+    Raises:
+        TypeError: a field has something else.
+    """
+    for field in _flat_layout(value.__class__):
+        item = attrgetter(field.name)(value)
+        is_float = field.dtype is np.float64
+        if not field.dimensions and not isinstance(item, (int, float, np.number) if is_float else (int, np.integer)):
+            expected = "a number" if is_float else "a whole number"
+            raise TypeError(f"{type(value).__name__} must have {expected} in place of {item!r:.50}")
 
 
 def _require_arrays(value: Any) -> None:
@@ -260,7 +250,7 @@ def _require_arrays(value: Any) -> None:
         if dimensions < 0:
             _require_arrays(item)
         elif dimensions:
-            is_array = _is_array(item)
+            is_array = isinstance(item, np.ndarray)
             if not (is_array and item.dtype == dtype and item.ndim == dimensions and item.flags.c_contiguous):
                 expected = f"a contiguous array of {np.dtype(dtype)} with {dimensions} dimensions"
                 got = f"{item.dtype} {item.shape}" if is_array else f"{item!r:.50}"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from itertools import accumulate, combinations
+from itertools import combinations
 
 import numpy as np
 
@@ -18,8 +19,8 @@ from ...core.compiled.scalar import (
     length,
     line_gap,
     shoulder_line_distance,
+    unit_vector,
 )
-from ...core.geometry import Barriers
 from ...core.humans import X, Y
 from ...core.outlines import side_lines
 from ...core.portable_math import Array, BoolArray, IntArray, unit_vectors
@@ -46,26 +47,23 @@ def overlaps(record: EpisodeRecord, left_out: BoolArray, maximum: float) -> Iter
     scene, states = record.scene(), record.states
     robot = states.robot[:, None]  # the humans have a column more
     rows = np.concatenate((states.humans[..., : robot.shape[2]], robot), axis=1)
-    position = np.where(left_out[..., None], np.nan, rows[..., X : Y + 1])
+    position = np.where(left_out[..., None], np.nan, rows[..., : THETA + 1])
     table, count = scene.human_table, len(scene.humans)
     outline = scene.robot.outline
     sizes = np.array([[*table.radius, outline.rounding], [*table.shoulder, 0.0]])
     solids = [thing for thing in scene.furniture if thing.on is None]  # bodies do not collide with things on a table
-    edges = [[(wall.start, wall.end, 0.0) for wall in scene.straight_walls.values()]]
-    edges += [thing.shape.edges(thing.pose) for thing in solids]
-    owner = np.repeat(np.arange(len(edges)), [len(own) for own in edges])
-    corners = [thing.shape.corners(thing.pose) if len(thing.shape.core) > 1 else [] for thing in solids]
-    start = np.array([0, *accumulate(map(len, corners), initial=0)])  # walls have no inside
-    inside = np.array([corner for own in corners for corner in own], dtype=float).reshape(-1, 2)
+    place = {("object", thing.id): k for k, thing in enumerate(solids, 1)}
+    owner = np.array([place.get(each, 0) for each in scene.barrier_owner], dtype=np.int64)  # ascending
+    barriers = scene.barriers.table.copy()
     is_seat = np.array([False, *(thing.is_seat for thing in solids)])
     sitting = np.zeros(position.shape[:2], dtype=bool)
     sitting[:, :count] = states.activity == _SITTING
-    shape = count + 1, len(edges) + count + 1
+    shape = count + 1, 1 + len(solids) + count + 1
     worst, tick, number = np.zeros(shape), np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
     _find_depths(
-        np.ascontiguousarray(position), unit_vectors(rows[..., THETA]), sizes,
-        Barriers.of(edge for own in edges for edge in own).table.copy(), owner, start, inside, is_seat, sitting,
-        float(maximum), np.array(outline.core), float(outline.circumradius), worst, tick, number,
+        position, sizes, barriers, barriers[:, : START_Y + 1].copy(), owner,
+        np.searchsorted(owner, np.arange(len(solids) + 2)), is_seat, sitting, float(maximum), np.array(outline.core),
+        float(outline.circumradius), worst, tick, number,
     )  # fmt: skip
     names = [*(f"human {human.id}" for human in scene.humans), "the robot"]
     things = ["a wall", *(f"{thing.type} {thing.id}" for thing in solids), *names]
@@ -77,7 +75,10 @@ def overlaps(record: EpisodeRecord, left_out: BoolArray, maximum: float) -> Iter
 
 def overlaps_of_robots(record: EpisodeRecord, maximum: float) -> Iterator[tuple[int, str]]:
     """Robots whose outlines overlap by more than a maximum, m: of each pair the worst tick, and the depth in words."""
-    scene, robots = record.scene(), np.concatenate((record.states.robot[:, None], record.states.robots), axis=1)
+    scene = record.scene()
+    if not scene.robots:
+        return
+    robots = np.concatenate((record.states.robot[:, None], record.states.robots), axis=1)
     position, direction = robots[..., X : Y + 1], unit_vectors(robots[..., THETA])
     for (a, (robot, _)), (b, (other, _)) in combinations(enumerate(scene.tasks), 2):
         near = np.flatnonzero(lengths(position[:, a] - position[:, b]) < robot.radius + other.radius)
@@ -93,30 +94,38 @@ def overlaps_of_robots(record: EpisodeRecord, maximum: float) -> Iterator[tuple[
 
 @kernel
 def _find_depths(
-    position: Array, direction: Array, sizes: Array, barriers: Array, owner: IntArray, start: IntArray, inside: Array,
-    is_seat: BoolArray, sitting: BoolArray, maximum: float, core: Array, circumradius: float, worst: Array,
-    tick: IntArray, number: IntArray,
+    pose: Array, sizes: Array, barriers: Array, starts: Array, owner: IntArray, first: IntArray, is_seat: BoolArray,
+    sitting: BoolArray, maximum: float, core: Array, circumradius: float, worst: Array, tick: IntArray,
+    number: IntArray,
 ) -> None:  # fmt: skip
     """Find how deep K bodies are in S solids and in one another, beyond the maximum.
 
     Args:
-        position, direction: (T, K, 2), m, NaN where a body is left out, and unit vectors of the headings.
+        pose: (T, K, 3), m, and rad, NaN where a body is left out.
         sizes: (2, K), m, radii and halves of the shoulder lines; of the robot, the rounding of its outline, and 0.
-        barriers, owner: (M, 8) and (M,), edges of the solids, and the index of each one's solid.
-        start, inside: (S + 1,) of int and (C, 2), m, where the corners of each solid begin, and all corners.
+        barriers, starts: (M, 8) and (M, 2), m, edges of the solids, and their starts.
+        owner, first: (M,) and (S + 1,) of int, the solid of each edge, and the first edge of each; walls are solid 0.
         is_seat, sitting: (S,) and (T, K) of bool; who sits may overlap seats.
         maximum: m.
         core, circumradius: corners of the robot's outline in its frame, (C, 2), and radius of the circle around it, m.
         worst, tick, number: (K, S + K), m, the worst depth, its tick, and the number of ticks; are filled.
     """
-    solids, robot, is_disc = len(start) - 1, position.shape[1] - 1, len(core) == 1
+    solids, bodies, robot, is_disc = len(first) - 1, pose.shape[1], pose.shape[1] - 1, len(core) == 1
     depths, found, corners = np.empty(solids), np.empty(SEPARATION_SIZE), core.copy()
-    for t in range(len(position)):
-        for k in range(position.shape[1]):
-            x, y, radius, shoulder = position[t, k, X], position[t, k, Y], sizes[0, k], sizes[1, k]
+    direction, boxes = np.zeros((bodies, 2)), np.empty((solids, 4))
+    for s in range(solids):
+        # Walls have no inside, and discs have one edge.
+        is_polygon = s > 0 and first[s + 1] - first[s] > 2
+        _enclose(starts[first[s] : first[s + 1] if is_polygon else first[s]], boxes[s])
+    for t in range(len(pose)):
+        for k in range(bodies):
+            if pose[t, k, THETA] == pose[t, k, THETA]:
+                direction[k, X], direction[k, Y] = unit_vector(pose[t, k, THETA])
+        for k in range(bodies):
+            x, y, radius, shoulder = pose[t, k, X], pose[t, k, Y], sizes[0, k], sizes[1, k]
             if x != x:
                 continue
-            bx, by, least = direction[t, k, X], direction[t, k, Y], radius - maximum
+            bx, by, least = direction[k, X], direction[k, Y], radius - maximum
             left_x, left_y = x - by * shoulder, y + bx * shoulder
             right_x, right_y = x + by * shoulder, y - bx * shoulder
             for s in range(solids):
@@ -134,30 +143,43 @@ def _find_depths(
                     depth = least - line_gap(barriers, m, left_x, left_y, right_x, right_y)
                     depths[owner[m]] = max(depths[owner[m]], depth)
             for s in range(solids):
-                solid = inside[start[s] : start[s + 1]]
-                if len(solid) > 0:
-                    # an end or the middle of the shoulder line is inside
+                # Whether an end or the middle of the shoulder line is inside.
+                if (
+                    max(left_x, right_x) > boxes[s, 0]
+                    and min(left_x, right_x) < boxes[s, 1]
+                    and max(left_y, right_y) > boxes[s, 2]
+                    and min(left_y, right_y) < boxes[s, 3]
+                ):
+                    solid = starts[first[s] : first[s + 1]]
                     beyond = min(_beyond(solid, x, y, found), _beyond(solid, left_x, left_y, found))
                     beyond = min(beyond, _beyond(solid, right_x, right_y, found))
                     if beyond < 0.0:
                         depths[s] = max(depths[s], least - beyond)
                 if depths[s] > 0.0 and not (is_seat[s] and sitting[t, k]):
                     _note(worst, tick, number, k, s, depths[s], t)
-            for j in range(k + 1, position.shape[1]):
-                dx, dy = position[t, j, X] - x, position[t, j, Y] - y
+            for j in range(k + 1, bodies):
+                dx, dy = pose[t, j, X] - x, pose[t, j, Y] - y
                 reach = least + sizes[0, j]
                 if not is_disc and j == robot:
                     if length(dx, dy) < least + shoulder + circumradius:
-                        heading_x, heading_y = direction[t, j, X], direction[t, j, Y]
-                        place_corners(core, position[t, j, X], position[t, j, Y], heading_x, heading_y, corners)
+                        place_corners(core, pose[t, j, X], pose[t, j, Y], direction[j, X], direction[j, Y], corners)
                         separate(corners, left_x, left_y, right_x, right_y, found)
                         if reach > found[DISTANCE]:
                             _note(worst, tick, number, k, solids + j, reach - found[DISTANCE], t)
                 elif length(dx, dy) < reach + shoulder + sizes[1, j]:
-                    other_bx, other_by = direction[t, j, X], direction[t, j, Y]
-                    depth = reach - shoulder_line_distance(dx, dy, bx, by, shoulder, other_bx, other_by, sizes[1, j])
+                    ahead_x, ahead_y = direction[j, X], direction[j, Y]
+                    depth = reach - shoulder_line_distance(dx, dy, bx, by, shoulder, ahead_x, ahead_y, sizes[1, j])
                     if depth > 0.0:
                         _note(worst, tick, number, k, solids + j, depth, t)
+
+
+@subroutine
+def _enclose(corners: Array, box: Array) -> None:
+    """West, east, south and north edge of points, (C, 2), m; without points nothing is within."""
+    box[0], box[1], box[2], box[3] = math.inf, -math.inf, math.inf, -math.inf
+    for c in range(len(corners)):
+        box[0], box[1] = min(box[0], corners[c, X]), max(box[1], corners[c, X])
+        box[2], box[3] = min(box[2], corners[c, Y]), max(box[3], corners[c, Y])
 
 
 @subroutine

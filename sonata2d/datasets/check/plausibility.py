@@ -11,17 +11,16 @@ from itertools import chain
 
 import numpy as np
 
-from ...core.geometry import inside_polygon
 from ...core.portable_math import Array, BoolArray
 from ...core.scene import Scene
 from ...core.turning import BODY_TURN
 from ...core.vectors import wrap_angle
-from ...record.canonical import rounded_rows
 from ...record.layout import HUMAN_ANGLES, ROBOT_ANGLES
 from ...record.motion import THETA, VX, VY, X, Y
 from ...record.record import EpisodeRecord
 from ...sim.kernel.rules import maximum_speeds, walking_speeds
 from .overlaps import overlaps, overlaps_of_robots
+from .rows import first_not_canonical, inside_room
 
 MAXIMUM_OVERLAP = 0.06  # m, of outlines: the physics detects a contact only after the bodies have moved
 ROUNDING = 2e-4  # m, m/s, rad/s: tolerance for numbers rounded to 1e-4
@@ -72,10 +71,11 @@ def _robot_values(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]
 
 def _check_rounding(record: EpisodeRecord, key: str, rows: Array, angles: list[int]) -> Iterator[Finding]:
     """Numbers must be in the canonical form of files, to the bit."""
-    values = np.nan_to_num(rows)
-    wrong = (rounded_rows(values, angles).view(np.int64) != values.view(np.int64)).any(axis=-1)
-    wrong |= (values[..., angles] > 3.1416).any(axis=-1)
-    for t in np.flatnonzero(wrong.reshape(len(values), -1).any(axis=1))[:1]:
+    is_angle = np.zeros(rows.shape[-1], dtype=bool)
+    is_angle[angles] = True
+    number = first_not_canonical(rows.reshape(-1, rows.shape[-1]).copy(), is_angle)
+    if number >= 0:
+        t = number * len(rows) // (rows.size // rows.shape[-1])
         yield f"frames.{t}.{key}", "a number is not rounded to 0.0001 or is -0.0, or an angle is out of range"
 
 
@@ -225,8 +225,8 @@ def _unexplained_speed(rows: Array, dt: float) -> Array:
 
 def _check_room_of_people(record: EpisodeRecord) -> Iterator[Finding]:
     """All pedestrians must be inside the room."""
-    scene, positions = record.scene(), record.states.humans[..., X : Y + 1]
-    inside = inside_polygon(np.nan_to_num(positions).reshape(-1, 2), scene.outline).reshape(positions.shape[:2])
+    scene, humans = record.scene(), record.states.humans
+    inside = inside_room(humans.reshape(-1, humans.shape[-1]).copy(), _edges(scene)).reshape(humans.shape[:2])
     outside = np.argwhere(~inside & record.states.present)
     if len(outside):
         t, k = outside[0]
@@ -235,9 +235,15 @@ def _check_room_of_people(record: EpisodeRecord) -> Iterator[Finding]:
 
 def _check_room(record: EpisodeRecord) -> Iterator[Finding]:
     """The robot must be inside the room."""
-    inside = inside_polygon(record.states.robot[:, X : Y + 1], record.scene().outline)
+    inside = inside_room(record.states.robot.copy(), _edges(record.scene()))
     if not inside.all():
         yield f"frames.{int(np.argmin(inside))}", "the robot is outside the room"
+
+
+def _edges(scene: Scene) -> Array:
+    """(K, 4), start and end of the edges of the room, m."""
+    outline = scene.outline
+    return np.concatenate((outline, np.concatenate((outline[1:], outline[:1]))), axis=1)
 
 
 def _check_overlaps(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:

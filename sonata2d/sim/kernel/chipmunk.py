@@ -73,7 +73,7 @@ class EngineMemory:
 
     Args:
         space: with all its bodies.
-        bodies: of the space, in its order.
+        bodies: of the space, in its order, objects of the engine.
         torsos: segments, the shapes of the pedestrians.
         shoulder: (N,), half the length of their shoulder lines, m.
 
@@ -84,8 +84,8 @@ class EngineMemory:
     def __init__(
         self,
         space: pymunk.Space,
-        bodies: Sequence[pymunk.Body],
-        torsos: Sequence[pymunk.Segment],
+        bodies: Sequence[Any],
+        torsos: Sequence[Any],
         shoulder: NDArray[Any],
     ) -> None:
         count = len(bodies)
@@ -105,22 +105,22 @@ class EngineMemory:
         addresses = [*_KINDS, *map(_address, (space._space, *self._requests))]
         counts = np.frombuffer(ffi.buffer(self._headers), dtype=np.int32)
         motions, forces = numbers[0][: 4 * count].reshape(count, 4), numbers[1][: 2 * count].reshape(count, 2)
-        shapes = np.array([_address(torso._shape) for torso in torsos], dtype=np.int64)
-        of_bodies = np.array([_address(body._body) for body in bodies], dtype=np.int64)
+        shapes = np.array([_address(torso) for torso in torsos], dtype=np.int64)
+        of_bodies = np.array([_address(body) for body in bodies], dtype=np.int64)
         handle = np.array(addresses, dtype=np.int64)
         self.engine = Engine(
             handle, counts, motions, forces, shapes, shoulder, of_bodies, numbers[2][:4],
             outline=np.zeros(0, dtype=np.int64), corners=np.zeros((0, 2)),
         )  # fmt: skip
 
-    def engine_with(self, outline: Sequence[pymunk.Shape], corners: Sequence[tuple[float, float]]) -> Engine:
+    def engine_with(self, outline: Sequence[Any], corners: Sequence[tuple[float, float]]) -> Engine:
         """The space for kernels of a robot.
 
         Args:
             outline: its shapes if it is no disc, see `Engine`.
             corners: in the body frame, m.
         """
-        addresses = np.array([_address(shape._shape) for shape in outline], dtype=np.int64)
+        addresses = np.array([_address(shape) for shape in outline], dtype=np.int64)
         return self.engine._replace(outline=addresses, corners=np.array(corners, dtype=float).reshape(-1, 2))
 
     def use(self, space: pymunk.Space) -> None:
