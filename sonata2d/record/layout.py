@@ -196,18 +196,23 @@ def _entity_from_json(kind: type[T], values: JsonDict) -> T:
     Raises:
         KeyError: a field is missing.
     """
-    fields: JsonDict = {}
-    for name in kind.__dataclass_fields__:  # type: ignore[attr-defined]
-        if name in _ADDITIVE.get(kind, ()) and values.get(name) is None:
-            continue
+    plain, others = _names_of(kind)  # type: ignore[arg-type]
+    fields = {name: _tuples(value) if type(value := values[name]) is list else value for name in plain}
+    for name in others:
         if name == "pose":
-            fields[name] = _entity_from_json(Pose, values)
-        elif name == "shape":
-            shape = values[name]
-            fields[name] = _entity_from_json(_SHAPES[shape["type"]], shape)
-        else:
-            fields[name] = _entity_from_json(Limits, values[name]) if name == "limits" else _tuples(values[name])
+            fields[name] = Pose(values["x"], values["y"], values["theta"])
+        elif (value := values.get(name) if name in _ADDITIVE.get(kind, ()) else values[name]) is not None:
+            part = Limits if name == "limits" else _SHAPES[value["type"]] if name == "shape" else None
+            fields[name] = _tuples(value) if part is None else _entity_from_json(part, value)
     return kind(**fields)
+
+
+@cache
+def _names_of(kind: type) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of the fields that JSON holds as they are, or as lists in place of tuples, and of the others."""
+    others = {"pose", "shape", "limits", *_ADDITIVE.get(kind, ())}
+    names = kind.__dataclass_fields__  # type: ignore[attr-defined]
+    return tuple(name for name in names if name not in others), tuple(name for name in names if name in others)
 
 
 def _fields_of(value: Any) -> JsonDict:

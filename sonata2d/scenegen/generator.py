@@ -25,6 +25,7 @@ from .pieces import fixed_furniture
 from .placed import (
     apply_jitter,
     check_goals,
+    check_not_enclosed,
     check_placed_positions,
     create_placed_entities,
     mirror_config,
@@ -169,6 +170,7 @@ def _try_layout(
         queues=journeys.queues,
         places=journeys.places,
     )
+    check_not_enclosed(scene)
     check_goals(scene, people.humans)
     return scene
 

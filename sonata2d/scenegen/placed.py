@@ -13,7 +13,7 @@ import numpy as np
 
 from ..core.entities import Furniture, Group, Human, Interaction
 from ..core.files.limits import MAX_TRACK_POINTS
-from ..core.geometry import Disc, Point, Pose, canonical_angle, inside_polygon, quantised
+from ..core.geometry import Barriers, Disc, Point, Pose, canonical_angle, inside_polygon, quantised
 from ..core.navigation import FreeSpace
 from ..core.outlines import outline_row, shape_gap
 from ..core.portable_math import PI, Array, angle_of
@@ -409,6 +409,27 @@ def check_goals(scene: Scene, humans: tuple[Human, ...]) -> None:
                     f"person {human.id} cannot walk from ({x:g}, {y:g}) to its goal ({u:g}, {v:g}): no way is wide "
                     f"enough for its body, which is {2.0 * human.radius:.2g} m deep; widen a gap, or move the goal"
                 )
+
+
+def check_not_enclosed(scene: Scene) -> None:
+    """Check that no pedestrian who walks starts inside a closed loop of walls, which paths treat as a solid object.
+
+    Raises:
+        SceneError: one does.
+    """
+    if len(scene.walls) == len(scene.polygon):  # the outline alone
+        return
+    walking = [h for h in scene.humans if h.behaviour in ("walking", "wandering") and h.seat is None]
+    positions = np.array([human.pose.position for human in walking], dtype=float).reshape(-1, 2)
+    walls = Barriers.of((wall.start, wall.end, 0.0) for wall in scene.walls)
+    is_free = FreeSpace(scene.outline, walls, _POINT_RADIUS).is_free(positions)
+    for human, is_outside in zip(walking, is_free.tolist(), strict=True):
+        if not is_outside:
+            x, y = human.pose.position
+            raise SceneError(
+                f"person {human.id} at ({x:g}, {y:g}) is inside a closed loop of walls, which counts as a solid object "
+                "without paths; leave a gap in the loop, give it as room.polygon, or move the person out of it"
+            )
 
 
 def _check_furniture(humans: list[Human], furniture: tuple[Furniture, ...]) -> None:

@@ -308,3 +308,24 @@ def test_a_goal_behind_a_gap_that_is_too_narrow_is_an_error() -> None:
     assert with_gap(0.26, slim | {"exits": True}).humans  # as people of recordings do
     with pytest.raises(SceneError, match="person 2 cannot walk"):
         with_gap(0.32, slim, stout)
+
+
+LOOP = [(-3, -1, 3, -1), (3, -1, 3, 1), (3, 1, -3, 1), (-3, 1, -3, -1)]
+
+
+@pytest.mark.parametrize("person", [{"goals": [(2.5, 0)]}, {"goals": [(2.5, 0)], "exits": True}, {"goals": []}])
+def test_a_walker_inside_a_closed_loop_of_walls_is_an_error(person: dict[str, Any]) -> None:
+    behaviour = {} if person["goals"] else {"behaviour": "wandering"}
+    walker = {"x": -2, "y": 0, **person, **behaviour}
+    with pytest.raises(SceneError, match=r"person 1 at \(-2, 0\) is inside a closed loop of walls, .*leave a gap"):
+        scene_with(walker, room={**SQUARE, "walls": LOOP})
+    gap = [*LOOP[:3], (-3, 1, -3, -0.2)]
+    assert scene_with(walker, room={**SQUARE, "walls": gap}).humans
+    assert scene_with({"x": -2, "y": 0, "theta": 0}, room={**SQUARE, "walls": LOOP}).humans  # who stands needs no path
+
+
+def test_people_are_not_drawn_inside_a_closed_loop_of_walls() -> None:
+    config = config_with(wandering=4, room={**SQUARE, "walls": LOOP})
+    for seed in range(5):
+        for human in s2.generate(config, seed).humans:
+            assert abs(human.pose.x) > 3.0 or abs(human.pose.y) > 1.0
