@@ -56,7 +56,7 @@ class RoomConfig(Settings):
         hall: both sides of the hall, m.
         turns: number of quarter turns of a plan other than square, rectangle and hall.
         polygon: corners of a given room in order, m; edges must not cross. Replaces `kinds`.
-        walls: inner walls, as x1, y1, x2, y2, m.
+        walls: inner walls, as x1, y1, x2, y2, m; a closed loop counts as a solid object, without paths inside.
     """
 
     kinds: Annotated[dict[_RoomKindName, NotNegative], *weights_of("kind of room")] = Field(
