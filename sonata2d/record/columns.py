@@ -68,6 +68,8 @@ def columns_of(document: JsonDict) -> Columns:
         LookupError, TypeError, ValueError, OverflowError: a frame or the final state has not the values of the schema.
     """
     frames = document["frames"]
+    if type(frames) is not list:
+        raise TypeError("frames must be a list")
     states = [*frames, document["final"]]
     people, others, types = len(document["humans"]), len(document.get("robots") or ()), set[type]()
     activity = np.array([state["activity"] for state in states], dtype=np.int64).reshape(len(states), people)

@@ -421,7 +421,7 @@ def check_not_enclosed(scene: Scene) -> None:
         return
     walking = [h for h in scene.humans if h.behaviour in ("walking", "wandering") and h.seat is None]
     positions = np.array([human.pose.position for human in walking], dtype=float).reshape(-1, 2)
-    walls = Barriers.of((wall.start, wall.end, 0.0) for wall in scene.walls)
+    walls = Barriers.of((wall.start, wall.end, 0.0) for wall in scene.straight_walls.values())
     is_free = FreeSpace(scene.outline, walls, _POINT_RADIUS).is_free(positions)
     for human, is_outside in zip(walking, is_free.tolist(), strict=True):
         if not is_outside:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+import weakref
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import Any
 
 import pymunk
@@ -59,12 +59,12 @@ class Bodies:
             if len(robots) > 1:  # robots keep off each other by the kernel alone
                 _set_group(shapes, _seat_group(len(scene.furniture)))
             self._moving += shapes
-        self._iterations = scene.rules.iterations
-        self._space: pymunk.Space | None = None
+        self._iterations, self._contents = scene.rules.iterations, _Contents(self._static + self._moving, self.bodies)
+        weakref.finalize(self, self._contents.leave)
 
     def new_space(self) -> pymunk.Space:
         """A space with everything where it starts: bodies of the pedestrians, then of the robots."""
-        self._leave_space()
+        self._contents.leave()
         for body, (position, velocity) in zip(self.bodies, self._start, strict=True):
             lib.cpBodySetPosition(body, position)
             lib.cpBodySetVelocity(body, velocity)
@@ -76,7 +76,7 @@ class Bodies:
             for k, corner in enumerate(corners):
                 lib.cpSegmentShapeSetEndpoints(outline[k], corner, corners[(k + 1) % count])
                 lib.cpCircleShapeSetOffset(outline[count + k], corner)
-        space = self._space = pymunk.Space()
+        space = self._contents.space = pymunk.Space()
         space.iterations, space.collision_slop = self._iterations, 0.001  # pymunk's default slop is 0.1 m
         space.collision_bias = OVERLAP_LEFT
         ground = lib.cpSpaceGetStaticBody(space._space)
@@ -89,24 +89,33 @@ class Bodies:
             lib.cpSpaceAddShape(space._space, shape)
         return space
 
-    def _leave_space(self) -> None:
-        """Take everything out of the space."""
-        if self._space is not None:
-            space = self._space._space
-            for shape in (*self._static, *self._moving):
-                lib.cpSpaceRemoveShape(space, shape)
-            for body in self.bodies:
-                lib.cpSpaceRemoveBody(space, body)
-            self._space = None
-
-    def __del__(self) -> None:
-        # Shapes and bodies must have left the space before they or the space are freed, in whatever order.
-        with suppress(Exception):  # of a constructor that failed, or at the end of the interpreter
-            self._leave_space()
-
     def set_seat(self, k: int, seat: int) -> None:
         """Let pedestrian k collide with all seats but one, an index of `Scene.furniture`, or with all of them, -1."""
         _set_group([self.torsos[k]], _seat_group(seat) if seat >= 0 else 0)
+
+
+class _Contents:
+    """Shapes and bodies, and the space that they are in.
+
+    They must have left the space before they or the space are freed. A finalizer of `Bodies` sees to it, and holds this
+    object until then: in a cycle of garbage, `__del__` would run after the destructors of the C objects.
+    """
+
+    def __init__(self, shapes: list[CObject], bodies: list[CObject]) -> None:
+        self._shapes, self._bodies = shapes, bodies
+        self.space: pymunk.Space | None = None
+
+    def leave(self) -> None:
+        """Take everything out of the space; an interrupted call, or one while the space is filled, can be repeated."""
+        if self.space is not None:
+            space = self.space._space
+            for shape in self._shapes:
+                if lib.cpSpaceContainsShape(space, shape):
+                    lib.cpSpaceRemoveShape(space, shape)
+            for body in self._bodies:
+                if lib.cpSpaceContainsBody(space, body):
+                    lib.cpSpaceRemoveBody(space, body)
+            self.space = None
 
 
 def _sides_of(outline: Outline, body: CObject) -> list[CObject]:

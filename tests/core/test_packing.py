@@ -85,10 +85,21 @@ def test_an_array_that_a_kernel_would_misread_is_refused(changes: dict[str, Any]
 
 
 @compiled_only
-@pytest.mark.parametrize(("first", "third"), [("1.0", True), (1.0, 0.5), (1.0, "no")])
+@pytest.mark.parametrize(
+    ("first", "third"), [("1.0", True), (1.0, 0.5), (1.0, "no"), (1.0, np.zeros(3)), (1.0, 1 << 63), ([1.0], False)]
+)
 def test_a_number_of_another_kind_is_refused(first: Any, third: Any) -> None:
     with pytest.raises(TypeError, match=r"Numbers must have a .*number in place of"):
         pack(Numbers(first, 1.0, third, np.zeros((1, 2))))
+
+
+class Nothing(NamedTuple):
+    """No fields."""
+
+
+@compiled_only
+def test_a_named_tuple_without_fields_can_be_packed() -> None:
+    assert len(pack(Nothing())) == 1
 
 
 class Numbers(NamedTuple):

@@ -383,6 +383,13 @@ def test_missing_files_and_unknown_keys_are_warnings(folder: Path) -> None:
     assert "no problems, 4 warnings" in result.output
 
 
+@pytest.mark.parametrize("frames", [3, None, [1], [{"tick": 0}]])
+def test_a_key_of_episodes_in_a_manifest_is_unknown(folder: Path, frames: Any) -> None:
+    _rewrite(folder / "manifest.json", set_value("frames", frames))
+    (problem,) = verify(folder)
+    assert (problem.file, problem.place, problem.is_warning) == ("manifest.json", "frames", True)
+
+
 def test_an_id_that_differs_from_the_name_of_the_file_is_found(folder: Path) -> None:
     def change(manifest: Any) -> None:
         manifest["files"][1]["name"] = "000001x.json"

@@ -64,6 +64,14 @@ def test_damaged_values_give_the_findings_of_the_schema(episode: Path, part: tup
     assert refused > 100
 
 
+@pytest.mark.parametrize("frames", [{}, "", None, 0, {"tick": 0}])
+def test_frames_that_are_no_list_are_refused(episode: Path, frames: Any) -> None:
+    document = orjson.loads(episode.read_bytes()) | {"frames": frames}
+    document["final"]["tick"] = document["outcome"]["tick"] = 0
+    with pytest.raises(InvalidFileError, match="frames: Input should be a valid list"):
+        require_valid(document, episode)
+
+
 def test_only_frames_with_rare_content_are_compared_with_the_schema(episode: Path) -> None:
     document = orjson.loads(episode.read_bytes())
     compared = frames_to_compare(document, columns_of(document))

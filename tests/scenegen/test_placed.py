@@ -324,6 +324,15 @@ def test_a_walker_inside_a_closed_loop_of_walls_is_an_error(person: dict[str, An
     assert scene_with({"x": -2, "y": 0, "theta": 0}, room={**SQUARE, "walls": LOOP}).humans  # who stands needs no path
 
 
+def test_loops_are_those_of_straight_walls() -> None:
+    walker = {"x": -2, "y": 0, "goals": [(2.5, 0)], "exits": True}
+    in_pieces = [(-3, -1, 0, -1), *LOOP[1:], (0, -1, 3, -1)]
+    with pytest.raises(SceneError, match="inside a closed loop of walls"):
+        scene_with(walker, room={**SQUARE, "walls": in_pieces})
+    # A wall that goes on beyond a corner is no edge of a loop: paths lead out at its end.
+    assert scene_with(walker, room={**SQUARE, "walls": [*LOOP, (3, -1, 4, -1)]}).humans
+
+
 def test_people_are_not_drawn_inside_a_closed_loop_of_walls() -> None:
     config = config_with(wandering=4, room={**SQUARE, "walls": LOOP})
     for seed in range(5):

@@ -39,7 +39,7 @@ Bools = Annotated[NDArray[np.bool_], np.bool_, 1]
 _SCALARS: dict[Any, Any] = {float: np.float64, int: np.int64, bool: np.bool_}
 # Four times as fast as `ndarray.ctypes`, and a world has some 500 arrays. `cffi.FFI` is a slower wrapper in Python.
 _FFI = _cffi_backend.FFI()
-_ADDRESS = _FFI.typeof("uintptr_t")
+_ADDRESS, _LARGEST = _FFI.typeof("uintptr_t"), 1 << 63
 _interpreted: WeakValueDictionary[int, Packed[Any]] = WeakValueDictionary()  # of the interpreter, by address
 
 
@@ -165,7 +165,7 @@ def pack(value: T) -> Any:
         return value
     kind = value.__class__
     plan, words, kinds = _plan(kind), [_layout_id(kind)], []
-    items = plan.items(value) if len(plan.dimensions) > 1 else (plan.items(value),)
+    items = plan.items(value) if len(plan.dimensions) != 1 else (plan.items(value),)
     try:
         for item, dimensions in zip(items, plan.dimensions, strict=True):
             if dimensions:
@@ -182,7 +182,7 @@ def pack(value: T) -> Any:
     packed = np.empty(plan.words.size // 8, dtype=np.int64)
     try:
         plan.words.pack_into(packed.data, 0, *words)
-    except struct.error:
+    except (struct.error, TypeError):
         _require_numbers(value)
         raise
     return packed
@@ -212,7 +212,12 @@ def _plan(kind: type) -> _Plan:
     kinds = [(field.dtype, field.dimensions) for field in fields if field.dimensions]
     formats = ["d" if field.dtype is np.float64 and not field.dimensions else "q" for field in fields]
     words = "".join(each + "q" * count for each, count in zip(formats, dimensions, strict=True))
-    return _Plan(attrgetter(*(field.name for field in fields)), dimensions, kinds, struct.Struct(f"=q{words}"))
+    items = attrgetter(*(field.name for field in fields)) if fields else _no_items
+    return _Plan(items, dimensions, kinds, struct.Struct(f"=q{words}"))
+
+
+def _no_items(value: Any) -> tuple[()]:
+    return ()
 
 
 def _flat_layout(kind: type) -> list[_Field]:
@@ -235,8 +240,9 @@ def _require_numbers(value: Any) -> None:
     for field in _flat_layout(value.__class__):
         item = attrgetter(field.name)(value)
         is_float = field.dtype is np.float64
-        if not field.dimensions and not isinstance(item, (int, float, np.number) if is_float else (int, np.integer)):
-            expected = "a number" if is_float else "a whole number"
+        is_right = isinstance(item, (int, float, np.number) if is_float else (int, np.integer, np.bool_))
+        if not field.dimensions and not (is_right and (is_float or -_LARGEST <= item < _LARGEST)):
+            expected = "a number" if is_float else "a 64-bit whole number"
             raise TypeError(f"{type(value).__name__} must have {expected} in place of {item!r:.50}")
 
 
