@@ -55,7 +55,7 @@ def main() -> None:
             measure(controller.last, noise)
             times.append(time.thread_time() - start)
         costs.append(1e6 * statistics.median(times))
-    print(f"{arguments.rays} rays: {statistics.mean(costs):.1f} us in the mean, {max(costs):.1f} in the dearest room")
+    print(f"{arguments.rays} rays: {statistics.mean(costs):.1f} us in the mean, {max(costs):.1f} in the slowest room")
     print(f"ranges {digest.hexdigest()[:16]}")
 
 

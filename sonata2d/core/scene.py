@@ -286,6 +286,11 @@ class Scene(FloatFields, Drawable):
         return frozen(np.array(self.polygon, dtype=float))
 
     @cached_property
+    def outline_edges(self) -> Array:
+        """Start and end of the edges of the room's polygon as a read-only (K, 4) array, m."""
+        return frozen(np.hstack((self.outline, np.roll(self.outline, -1, axis=0))))
+
+    @cached_property
     def human_table(self) -> HumanTable:
         """Constant properties of the humans as arrays."""
         return HumanTable.of(self.humans)

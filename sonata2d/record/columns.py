@@ -96,8 +96,8 @@ def frames_to_compare(document: JsonDict, columns: Columns) -> list[JsonDict]:
     """The frames that must be compared with `models.Frame`; others agree with it, which takes a fifth of the time.
 
     Args:
-        document: whose frames are in the columns.
-        columns: of the document.
+        document: of an episode.
+        columns: `columns_of` the document.
 
     Returns:
         Frames with contacts, events, other robots or readings; all frames if one of the others may not agree.

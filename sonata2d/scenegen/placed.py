@@ -412,14 +412,14 @@ def check_goals(scene: Scene, humans: tuple[Human, ...]) -> None:
 
 
 def check_not_enclosed(scene: Scene) -> None:
-    """Check that no pedestrian who walks starts inside a closed loop of walls, which paths treat as a solid object.
+    """Check that walking pedestrians do not start inside a closed loop of walls, through which no path leads.
 
     Raises:
         SceneError: one does.
     """
     if len(scene.walls) == len(scene.polygon):  # the outline alone
         return
-    walking = [h for h in scene.humans if h.behaviour in ("walking", "wandering") and h.seat is None]
+    walking = [h for h in scene.humans if h.behaviour in ("walking", "wandering")]
     positions = np.array([human.pose.position for human in walking], dtype=float).reshape(-1, 2)
     walls = Barriers.of((wall.start, wall.end, 0.0) for wall in scene.straight_walls.values())
     is_free = FreeSpace(scene.outline, walls, _POINT_RADIUS).is_free(positions)

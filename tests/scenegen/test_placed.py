@@ -321,7 +321,9 @@ def test_a_walker_inside_a_closed_loop_of_walls_is_an_error(person: dict[str, An
         scene_with(walker, room={**SQUARE, "walls": LOOP})
     gap = [*LOOP[:3], (-3, 1, -3, -0.2)]
     assert scene_with(walker, room={**SQUARE, "walls": gap}).humans
-    assert scene_with({"x": -2, "y": 0, "theta": 0}, room={**SQUARE, "walls": LOOP}).humans  # who stands needs no path
+    assert scene_with(
+        {"x": -2, "y": 0, "theta": 0}, room={**SQUARE, "walls": LOOP}
+    ).humans  # a standing person needs no path
 
 
 def test_loops_are_those_of_straight_walls() -> None:

@@ -84,8 +84,8 @@ def find_passages(scene: Scene) -> Passages:
     narrow = np.zeros((4 * len(scene.barriers), 5))
     narrow = narrow[: _find_ends(solids.argument, narrow)]
     ends = np.ascontiguousarray(narrow[inside_polygon(narrow[:, :2], scene.outline)])
-    outline, frame = np.hstack((scene.outline, np.roll(scene.outline, -1, axis=0))), np.zeros((len(ends), 8))
-    frame = frame[: _find_frames(solids.argument, outline, ends, frame)].copy()
+    frame = np.zeros((len(ends), 8))
+    frame = frame[: _find_frames(solids.argument, scene.outline_edges.copy(), ends, frame)].copy()
     half = frame[:, _UX : _UY + 1] * frame[:, _HALF_WIDTH : _HALF_WIDTH + 1]
     gates = zip((frame[:, :2] - half).tolist(), (frame[:, :2] + half).tolist(), strict=True)
     shape = len(scene.humans), _MOST_WAYS

@@ -165,9 +165,8 @@ def pack(value: T) -> Any:
         return value
     kind = value.__class__
     plan, words, kinds = _plan(kind), [_layout_id(kind)], []
-    items = plan.items(value) if len(plan.dimensions) != 1 else (plan.items(value),)
     try:
-        for item, dimensions in zip(items, plan.dimensions, strict=True):
+        for item, dimensions in zip(plan.items(value), plan.dimensions, strict=True):
             if dimensions:
                 kinds.append((item.dtype, item.ndim))
                 words.append(int(_FFI.cast(_ADDRESS, _FFI.from_buffer(item))))
@@ -192,14 +191,13 @@ class _Plan(NamedTuple):
     """Places of the values of a packed named tuple.
 
     Attributes:
-        items: gets all numbers and arrays of a named tuple, with those of its named tuples in their places; the item
-            itself if there is one.
+        items: gets all numbers and arrays of a named tuple, with those of its named tuples in their places.
         dimensions: of each; 0 for a number.
         kinds: element type and dimensions of each array.
         words: of the packed form: the layout, and of each item the number, or address and shape.
     """
 
-    items: Callable[[Any], Any]
+    items: Callable[[Any], tuple[Any, ...]]
     dimensions: list[int]
     kinds: list[tuple[Any, int]]
     words: struct.Struct
@@ -212,12 +210,14 @@ def _plan(kind: type) -> _Plan:
     kinds = [(field.dtype, field.dimensions) for field in fields if field.dimensions]
     formats = ["d" if field.dtype is np.float64 and not field.dimensions else "q" for field in fields]
     words = "".join(each + "q" * count for each, count in zip(formats, dimensions, strict=True))
-    items = attrgetter(*(field.name for field in fields)) if fields else _no_items
-    return _Plan(items, dimensions, kinds, struct.Struct(f"=q{words}"))
+    return _Plan(_getter([field.name for field in fields]), dimensions, kinds, struct.Struct(f"=q{words}"))
 
 
-def _no_items(value: Any) -> tuple[()]:
-    return ()
+def _getter(names: list[str]) -> Callable[[Any], tuple[Any, ...]]:
+    """A function that gets attributes of an object by dotted names, as a tuple also where there are fewer than two."""
+    if len(names) > 1:
+        return attrgetter(*names)
+    return lambda value: tuple(attrgetter(name)(value) for name in names)
 
 
 def _flat_layout(kind: type) -> list[_Field]:

@@ -226,7 +226,9 @@ def _unexplained_speed(rows: Array, dt: float) -> Array:
 def _check_room_of_people(record: EpisodeRecord) -> Iterator[Finding]:
     """All pedestrians must be inside the room."""
     scene, humans = record.scene(), record.states.humans
-    inside = inside_room(humans.reshape(-1, humans.shape[-1]).copy(), _edges(scene)).reshape(humans.shape[:2])
+    inside = inside_room(humans.reshape(-1, humans.shape[-1]).copy(), scene.outline_edges.copy()).reshape(
+        humans.shape[:2]
+    )
     outside = np.argwhere(~inside & record.states.present)
     if len(outside):
         t, k = outside[0]
@@ -235,15 +237,9 @@ def _check_room_of_people(record: EpisodeRecord) -> Iterator[Finding]:
 
 def _check_room(record: EpisodeRecord) -> Iterator[Finding]:
     """The robot must be inside the room."""
-    inside = inside_room(record.states.robot.copy(), _edges(record.scene()))
+    inside = inside_room(record.states.robot.copy(), record.scene().outline_edges.copy())
     if not inside.all():
         yield f"frames.{int(np.argmin(inside))}", "the robot is outside the room"
-
-
-def _edges(scene: Scene) -> Array:
-    """(K, 4), start and end of the edges of the room, m."""
-    outline = scene.outline
-    return np.concatenate((outline, np.concatenate((outline[1:], outline[:1]))), axis=1)
 
 
 def _check_overlaps(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Finding]:
