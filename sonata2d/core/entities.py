@@ -199,7 +199,7 @@ class Human:
     model: str = DEFAULT_MODEL
     reacts_to_robot: Fraction = 1.0
     reaction: Reaction = "avoids"
-    robot_clearance: NotNegative = 0.83
+    robot_clearance: NotNegative = 0.1
     group: Id | None = None
     goals: tuple[Point, ...] = ()
     velocity: Point = (0.0, 0.0)

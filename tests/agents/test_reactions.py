@@ -13,10 +13,8 @@ from sonata2d.core import proxemics
 from sonata2d.core.entities import Human, Limits, Reaction, Wall
 from sonata2d.core.geometry import Pose, Twist
 from sonata2d.core.portable_math import Array
-from sonata2d.core.rng import RandomStream
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Snapshot
-from sonata2d.scenegen.scenario.sections import ClearanceConfig
 from sonata2d.sim.world import World
 
 from ..conftest import room, walker
@@ -35,7 +33,7 @@ def simulate(scene: Scene, speed: float, ticks: int, until: float = 7.0) -> list
     return snapshots
 
 
-def crossing_human(reaction: Reaction, clearance: float = 0.83, goal: float = 7.0) -> Human:
+def crossing_human(reaction: Reaction, clearance: float = 0.1, goal: float = 7.0) -> Human:
     """A pedestrian that walks up from y = -6 m at full speed and would be at the origin after 4.6 s."""
     return Human(
         1, Pose(0.0, -6.0, math.pi / 2), behaviour="walking", goals=((0.0, goal),), velocity=(0.0, 1.3),
@@ -43,7 +41,7 @@ def crossing_human(reaction: Reaction, clearance: float = 0.83, goal: float = 7.
     )  # fmt: skip
 
 
-def crossing(reaction: Reaction, offset: float = 0.0, clearance: float = 0.83) -> list[Snapshot]:
+def crossing(reaction: Reaction, offset: float = 0.0, clearance: float = 0.1) -> list[Snapshot]:
     """A pedestrian crosses the robot's path; the robot is `offset` m behind a collision at the origin."""
     robot = Pose(-4.6 - offset, 0.0)
     return simulate(room([crossing_human(reaction, clearance)], robot=robot, polygon=HALL, limits=Limits()), 1.0, 95)
@@ -61,21 +59,75 @@ def fraction_looking_at_robot(snapshots: list[Snapshot], k: int = 0) -> float:
     return float(((to_robot * gaze).sum(axis=1) > math.cos(0.26) * np.linalg.norm(to_robot, axis=1)).mean())
 
 
-def test_crossing_walkers_keep_the_measured_clearance() -> None:
-    """0.83 ± 0.27 m between outlines; the distribution is truncated at two standard deviations."""
-    rng, config, kept, sampled = RandomStream(1, 0, "scene"), ClearanceConfig(), [], []
-    for _ in range(24):
-        sampled.append(rng.normal(config.mean, config.sd, config.min, config.max))
-        kept.append(clearances(crossing("avoids", rng.uniform(-0.5, 0.5), sampled[-1])).min())
-    assert np.mean(kept) == pytest.approx(0.83, abs=0.1)
-    assert 0.18 < np.std(kept) < 0.32
-    assert np.abs(np.array(kept) - sampled).max() < 0.1
+def test_crossing_walkers_keep_the_clearance_that_is_given() -> None:
+    kept = [clearances(crossing("avoids", -0.3 + 0.1 * k, 0.1 * k)).min() for k in range(7)]
+    assert kept == pytest.approx([0.1 * k for k in range(7)], abs=0.1)
 
 
 def test_avoiding_pedestrians_pass_behind_the_robot() -> None:
     snapshots = crossing("avoids")
     closest = int(np.abs([s.humans.position[0, 1] for s in snapshots]).argmin())
     assert snapshots[closest].humans.position[0, 0] < snapshots[closest].robot.position[0]
+
+
+@pytest.mark.parametrize(("early", "goes_first"), [(0.8, True), (-0.8, False)])
+def test_who_comes_first_to_a_crossing_goes_first(early: float, goes_first: bool) -> None:
+    snapshots = crossing("avoids", early)
+    robot = np.array([s.robot.position[0] for s in snapshots])
+    human = np.array([s.humans.position[0, 1] for s in snapshots])
+    assert bool(np.argmax(human > 0.0) < np.argmax(robot > 0.0)) is goes_first
+
+
+def test_pedestrians_do_not_react_to_a_robot_behind_them_but_look_back() -> None:
+    """Both walk to the right; the robot comes nearer than 1 m."""
+    alone, followed = (
+        simulate(
+            room([Human(1, Pose(-3.0, 0.0), behaviour="walking", goals=((7.0, 0.0),), velocity=(1.0, 0.0),
+                        desired_speed=1.0)], robot=Pose(x, y), polygon=HALL, limits=Limits()),
+            1.25, 50,
+        )
+        for x, y in ((-7.5, 7.0), (-5.0, 0.0))
+    )  # fmt: skip
+    assert 0.1 < clearances(followed).min() < 1.0
+    assert np.abs([s.humans.position[0, 1] for s in followed]).max() < 0.35
+    turned = [max(abs(s.humans.gaze[0, 1]) for s in snapshots) for snapshots in (alone, followed)]
+    assert turned[0] < 0.5 < turned[1]
+
+
+def test_a_walker_waits_before_a_robot_in_a_door_without_pacing_and_goes_on() -> None:
+    walls = [Wall((0.0, -8.0), (0.0, -0.4)), Wall((0.0, 0.4), (0.0, 8.0))]
+    human = Human(1, Pose(-4.0, 0.2), behaviour="walking", goals=((5.0, 0.0),))
+    world_room = room([human], robot=Pose(0.0, 0.0), polygon=HALL, inner=walls)
+    world, crowd, snapshots = World(world_room), Crowd(world_room), []
+    for tick in range(260):
+        snapshots.append(world.snapshot())
+        world.step(Twist(1.0 if 150 < tick < 180 else 0.0), crowd.act(snapshots[-1]))
+    states = np.array([s.humans.state[0] for s in snapshots])
+    waiting = states[60:150]
+    assert np.hypot(*np.diff(waiting[:, :2], axis=0).T).sum() < 0.5
+    angle = np.unwrap(np.arctan2(waiting[:, 5], waiting[:, 4]))
+    assert np.abs(np.diff(angle)).sum() < math.radians(90)
+    assert clearances(snapshots).min() > 0.0
+    assert states[-1, 0] > 1.0
+
+
+def test_standing_people_step_out_of_the_way_of_the_robot_and_return() -> None:
+    scene = room([Human(1, Pose(0.0, 0.2, math.pi))], robot=Pose(-5.0, 0.0), polygon=HALL)
+    snapshots = simulate(scene, 1.0, 140)
+    moved = np.array([s.humans.position[0] - (0.0, 0.2) for s in snapshots])
+    assert 0.2 < moved[:, 1].max() < 0.85
+    assert np.abs(moved[-1]).max() < 0.05
+    assert clearances(snapshots).min() > 0.0
+
+
+def test_paths_of_pedestrians_that_ignore_the_robot_lead_through_it() -> None:
+    """The robot stands in the way for longer than it takes to count as an obstacle for the others."""
+    aside = {}
+    for reaction in ("ignores", "avoids"):
+        human = replace(crossing_human(reaction), pose=Pose(0.0, -7.0, math.pi / 2))
+        snapshots = simulate(room([human], robot=Pose(0.0, 0.0), polygon=HALL), 0.0, 60)
+        aside[reaction] = np.abs([s.humans.position[0, 0] for s in snapshots if s.humans.position[0, 1] < -0.5]).max()
+    assert aside["ignores"] < 0.1 < aside["avoids"]
 
 
 def test_ignoring_pedestrians_walk_as_if_the_robot_were_far_away() -> None:
@@ -118,7 +170,7 @@ def test_scared_pedestrians_keep_farther_away_and_look_more_than_avoiding_ones()
     assert fraction_looking_at_robot(runs["scared"][10:50]) > fraction_looking_at_robot(runs["avoids"][10:50])
 
 
-def test_standing_scared_pedestrians_step_back_and_return() -> None:
+def test_standing_scared_pedestrians_step_aside_and_return() -> None:
     scene = room([Human(1, Pose(0.0, 1.0, -1.5), reaction="scared")], robot=Pose(-5.0, 0.0), polygon=HALL)
     moved = np.array([np.linalg.norm(s.humans.position[0] - (0.0, 1.0)) for s in simulate(scene, 1.0, 140)])
     assert 0.3 < moved.max() < 0.85

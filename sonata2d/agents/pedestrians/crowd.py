@@ -30,7 +30,7 @@ from ...registry import PEDESTRIAN_MODELS
 from .crowd_state import PURPOSES, Calls, CrowdState, Intentions, Law
 from .decisions.acts import plan_path, send, stand
 from .decisions.destinations import choose_destination, find_new_paths, start_straight
-from .decisions.tasks import advance_tasks, begin, leave, start_stay, update_partners
+from .decisions.tasks import advance_tasks, begin, find_obstacles, leave, start_stay, update_partners
 from .models.base import (
     KernelModel,
     PedestrianModel,
@@ -50,7 +50,7 @@ from .reactions import (
     initial_reactions,
     notice_robot,
     robot_repulsion,
-    step_back,
+    step_aside,
 )
 from .robots import robots_of
 from .routes import (
@@ -415,7 +415,9 @@ def _react(crowd: CrowdState, humans: Array, is_present: BoolArray) -> None:
     any_notices, any_changed = False, False
     for k in range(len(humans)):
         reactions.notices[k] = False
-        if is_present[k] and notice_robot(reactions, k, robots, humans, intentions.robot_in_sight[k], dt):
+        if is_present[k] and notice_robot(
+            reactions, k, robots, humans, social.is_walking[k], intentions.robot_in_sight[k], dt
+        ):
             any_notices = True
     direction, speed = walkers.desired_direction, walkers.desired_speed
     for k in range(len(humans)):
@@ -425,7 +427,7 @@ def _react(crowd: CrowdState, humans: Array, is_present: BoolArray) -> None:
             reactions.delay[k] = max(reactions.delay[k] - 0.5 * dt, 0.0)
         elif adjust_course(
             reactions, k, robots.state[reactions.robot[k]], walkers, direction[k, 0] * speed[k],
-            direction[k, 1] * speed[k], speed[k], social.is_walking[k], crowd.obstacles.solids.table,
+            direction[k, 1] * speed[k], speed[k], social.is_walking[k], crowd.obstacles.solids,
             crowd.obstacles.side, dt,
         ):  # fmt: skip
             any_changed = True
@@ -435,9 +437,12 @@ def _react(crowd: CrowdState, humans: Array, is_present: BoolArray) -> None:
                 reactions, k, direction[k, 0] * speed[k], direction[k, 1] * speed[k], direction[k, 0], direction[k, 1]
             )
         x, y = social.standing_position[k, 0], social.standing_position[k, 1]
-        intentions.standing_position[k, 0], intentions.standing_position[k, 1] = step_back(
-            reactions, k, robots.state[reactions.robot[k]], x, y, walkers.radius[k], crowd.obstacles.solids
-        )
+        if not social.is_walking[k] and crowd.tasks.sits_on[k] < 0:
+            x, y = step_aside(
+                reactions, k, robots.state[reactions.robot[k]], x, y, walkers.radius[k], crowd.obstacles.side,
+                crowd.obstacles.solids,
+            )  # fmt: skip
+        intentions.standing_position[k, 0], intentions.standing_position[k, 1] = x, y
 
 
 @subroutine
@@ -544,13 +549,14 @@ def _calls(is_stiff: bool) -> Calls:
         find_path=address_of(find_path, PACKED, PACKED, *ends, FLOATS2, FLOATS),
         check_place=address_of(check_place, PACKED, *ends),
         check_line=address_of(check_line, PACKED, *ends),
-        plan_path=address_of(plan_path, PACKED, *ends, FLOATS2),
+        plan_path=address_of(plan_path, PACKED, INT, *ends, FLOATS2),
         send=address_of(send, PACKED, INT, FLOAT, FLOAT),
         stand=address_of(stand, PACKED, INT, *ends, INT, FLAG),
         leave=address_of(leave, PACKED, INT, INT),
         start_stay=address_of(start_stay, PACKED, INT, FLOAT, FLOAT, FLOAT, INT),
         update_partners=address_of(update_partners, PACKED),
         start_straight=address_of(start_straight, PACKED),
+        find_obstacles=address_of(find_obstacles, PACKED, FLAG),
         advance_tasks=address_of(advance_tasks, PACKED, INT),
         choose_destination=address_of(choose_destination, PACKED, INT, INT),
         find_new_paths=address_of(find_new_paths, PACKED),

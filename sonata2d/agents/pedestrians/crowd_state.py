@@ -62,6 +62,7 @@ class Calls(NamedTuple):
     start_stay: Ints
     update_partners: Ints
     start_straight: Ints
+    find_obstacles: Ints
     advance_tasks: Ints
     choose_destination: Ints
     find_new_paths: Ints

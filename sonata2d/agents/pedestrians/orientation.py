@@ -4,9 +4,9 @@
   turns to the point on the path 1 s ahead, so that it leads the body, and at times to companions.
 - Pedestrians that talk face their partner, or the centre of the group, and look from face to face; pedestrians that
   attend to an object face it.
-- Glances at the robot, when it is in sight, in view and near, are short for `avoids`, longer for `stops`, long and
-  frequent for `curious` and `scared`; pedestrians that ignore the robot never look at it. A pedestrian whose reaction
-  is in progress looks at nothing else, and turns its body to the robot unless it walks away scared.
+- Glances at the robot, when it is near and in view, or follows behind, are short for `avoids`, longer for `stops`,
+  long and frequent for `curious` and `scared`; pedestrians that ignore the robot never look at it. A pedestrian that
+  stops for the robot, or is curious, looks at nothing else, and turns its body to the robot.
 
 Source: Grasso et al., Neuroscience Letters 253 (1998) 115, for heads that turn before the path does. The times are
 ours.
@@ -32,8 +32,7 @@ from .social.company import Company
 HEAD_LEAD_TIME = 1.0  # s, by which the head leads the path
 MINIMUM_HEAD_LEAD = 0.8  # m, minimum distance ahead on the path
 _LEAD_COSINE, _LEAD_SINE = 0.8191520442889918, 0.573576436351046  # of 35 degrees, the most a body leads its course by
-IDLE_SPEED, _MOVING_SPEED = 0.3, 0.4  # m/s: slower bodies turn freely; faster scared ones face their path
-_VIEW_COSINE = -0.35  # cosine of the angle from the body's direction up to which the robot is noticed
+IDLE_SPEED = 0.3  # m/s: slower bodies turn freely
 
 # Columns of the times of glances: shortest and longest look, and shortest and longest pause after it, s; and the
 # clearance within which the robot attracts looks, m.
@@ -97,12 +96,8 @@ def facing(
         side: of the rules, +1 or -1: to which a body turns about.
     """
     vx, vy, is_walking = humans[k, VX], humans[k, VY], social.is_walking[k]
-    if reactions.faces_robot[k] and not social.has_object[k]:
-        talks = not is_walking and social.partner_count[k] > 0
-        is_moving = vx * vx + vy * vy > _MOVING_SPEED * _MOVING_SPEED
-        flees = reactions.kind[k] == SCARED and is_walking and is_moving
-        if not talks and not flees:
-            return reactions.robot_direction[k, 0], reactions.robot_direction[k, 1]
+    if reactions.faces_robot[k] and not social.has_object[k] and (is_walking or social.partner_count[k] == 0):
+        return reactions.robot_direction[k, 0], reactions.robot_direction[k, 1]
     if is_walking:
         ux, uy = unit_or(course_x, course_y, 0.05, humans[k, BODY_X], humans[k, BODY_Y])
         speed = math.sqrt(vx * vx + vy * vy)
@@ -151,7 +146,7 @@ def gaze(
         other = _choose_partner(k, tick, social, glances, draws, dt)
         if other >= 0:
             x, y = humans[other, X] - humans[k, X], humans[other, Y] - humans[k, Y]
-    if reactions.faces_robot[k] or _looks_at_robot(k, tick, humans, reactions, glances, draws, dt):
+    if reactions.faces_robot[k] or _looks_at_robot(k, tick, reactions, glances, draws, dt):
         return reactions.robot_direction[k, 0], reactions.robot_direction[k, 1]
     return unit_or(x, y, 0.3, facing_x, facing_y)
 
@@ -179,14 +174,9 @@ def _choose_partner(k: int, tick: int, social: Company, glances: Glances, draws:
 
 
 @subroutine
-def _looks_at_robot(
-    k: int, tick: int, humans: Array, reactions: Reactions, glances: Glances, draws: Draws, dt: float
-) -> bool:
+def _looks_at_robot(k: int, tick: int, reactions: Reactions, glances: Glances, draws: Draws, dt: float) -> bool:
     """Whether pedestrian k glances at the robot now."""
-    if not reactions.notices[k] or not reactions.gap[k] < glances.times[k, _RANGE]:
-        return False
-    x, y = reactions.robot_direction[k, 0], reactions.robot_direction[k, 1]
-    if not humans[k, BODY_X] * x + humans[k, BODY_Y] * y > _VIEW_COSINE:
+    if not (reactions.notices[k] or reactions.is_followed[k]) or not reactions.gap[k] < glances.times[k, _RANGE]:
         return False
     if tick >= glances.robot_next[k]:
         times = glances.times

@@ -1,22 +1,23 @@
-"""Reactions of pedestrians to the robot: ignore it, avoid it, stop for it, approach it, or flee from it.
+"""Reactions of pedestrians to the robot: ignore it, avoid it, stop for it, approach it, or keep far away from it.
 
-They work with every pedestrian model: the model itself ignores the robot. Walking pedestrians change direction and
-speed (`velocity_obstacle.evasive_velocity`) to keep their clearance from the robot (Vassallo et al. measured
-0.83 ± 0.27 m); scared ones keep more, curious ones less.
+They work with every pedestrian model: the model itself ignores the robot. A pedestrian reacts to what it sees: a robot
+in the field of view of its body or of its head. Walking pedestrians change speed and direction
+(`velocity_obstacle.evasive_velocity`) to keep their clearance from the robot. Standing ones step aside, as far as there
+is room, from a robot that would come nearer, and return.
 
 - `avoids`: nothing else.
-- `stops`: stands still while the robot is near and approaches; walks on once the robot has passed or stands, or after
-  6 s.
-- `curious`: approaches to `_CURIOUS_CLEARANCE`, unless in a group, stays and faces the robot; loses interest after 8 s
+- `stops`: comes to a stand while the robot is near and approaches; walks on once the robot has passed or stands, or
+  after 6 s.
+- `curious`: approaches to the social distance, unless in a group, stays and faces the robot; loses interest after 8 s
   and regains it after four times the duration without the robot.
-- `scared`: walks away while the robot is near and approaches, for 6 s at most. Standing pedestrians step back, as far
-  as there is room, and return.
+- `scared`: keeps the social distance.
 
 A pedestrian heeds one robot at a time, the nearest of those that it sees. Delays are limited: pedestrians that are kept
 from their paths for `_PATIENCE` s accept less clearance.
 
-Source: Vassallo et al., Gait & Posture 51 (2017) 97, for the clearance and for walkers passing behind a robot; the
-other rules are ours.
+Source: the clearance, the field of view and the course past the robot are fitted to recorded encounters (Day &
+Karamouzas, A Study in Zucker, IEEE RA-L 2024); social distances are from Hall, The Hidden Dimension (1966); the times
+are ours.
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.barrier_grid import Solids, is_crossed, nearest_within
+from ...core.barrier_grid import Solids, is_blocked, is_crossed, nearest_within
 from ...core.compiled.kernel import subroutine
 from ...core.compiled.packing import Bools, Floats, Floats2, Ints, zeros
 from ...core.compiled.scalar import Vector, exp, length
-from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
+from ...core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, VX, VY, X, Y
 from ...core.portable_math import Array
 from ...core.scene import Scene
 from ...core.separation import gap_to_line
@@ -39,15 +40,19 @@ from .robots import Robots, core_of, corners_of
 from .velocity_obstacle import WALL_TIME, evasive_velocity, in_conflict, limited_by_walls
 
 _NOTICE_RANGE = 8.0  # m, clearance within which the robot has an effect
-_CAUSE_RANGE = 3.0  # m, clearance within which the robot's approach causes `stops` and `scared`
+# Hall's social distance, m: its near phase begins at the first and ends at the second. Curious and scared pedestrians
+# keep the first as their clearance; a robot that approaches within the second one stops those that stop.
+_SOCIAL_DISTANCE, _FAR_SOCIAL_DISTANCE = 1.2, 2.1
+_VIEW_COSINE = -0.35  # of 110 degrees, the angle from the direction of body or head up to which the robot is seen
 _APPROACH_SPEED = 0.1  # m/s towards the pedestrian, above which the robot approaches
 _FAST_APPROACH_SPEED = 0.2  # m/s, above which curious pedestrians evade the robot
-_CURIOUS_CLEARANCE = 1.2  # m, at which curious pedestrians stay (Hall's social distance begins there)
 _INTEREST_RANGE = 4.0  # m, clearance within which pedestrians become curious
-_SCARED_CLEARANCE = 0.7  # m, added to the clearance of scared pedestrians
-_MAXIMUM_STEP_BACK, _STEP_BACK_RANGE = 0.8, 1.8  # m: largest step back while standing, and clearance to restore
+_HURRY, _EVASION_SPEED = 1.15, 0.8  # largest speed past a robot, as a factor of the own one, and if that is small, m/s
+# s, over which a walker comes to a stand before a robot that blocks its way, and m, what it keeps beyond its clearance
+_WAITING_TIME, _WAITING_GAP = 1.0, 0.3
+_BRAKING = 1.0  # m/s^2, of pedestrians that stop or become curious
+_STEP_ASIDE, _WARNING = 0.8, 2.5  # m and s: largest step of standing pedestrians, and the time before a robot passes
 _CLOSE_CLEARANCE = 0.5  # m, accepted by pedestrians that stop for the robot or are curious, while the reaction lasts
-_ASIDE_FRACTION = 0.8  # how much of the direction along the robot's path scared pedestrians leave out when they flee
 _TIGHT_CLEARANCE = 0.1  # m, accepted by pedestrians that were delayed for long
 _PATIENCE, _MAXIMUM_DELAY = 5.0, 8.0  # s of delay from which the clearance shrinks, and at which it is _TIGHT_CLEARANCE
 _REPULSION, _DECAY_LENGTH = 3.0, 0.1  # m/s^2 at contact with the robot, and m over which it falls to 1/e
@@ -55,8 +60,8 @@ _REPULSION, _DECAY_LENGTH = 3.0, 0.1  # m/s^2 at contact with the robot, and m o
 IGNORES, AVOIDS, STOPS, CURIOUS, SCARED = range(5)
 KINDS = {"ignores": IGNORES, "avoids": AVOIDS, "stops": STOPS, "curious": CURIOUS, "scared": SCARED}
 # By kind: s after which a reaction ends, and s of it that are recovered per s without the cause.
-_DURATION = (0.0, 0.0, 6.0, 8.0, 6.0)
-_RECOVERY = (0.0, 0.0, 2.0, 0.25, 2.0)
+_DURATION = (0.0, 0.0, 6.0, 8.0, 0.0)
+_RECOVERY = (0.0, 0.0, 2.0, 0.25, 0.0)
 
 
 class Reactions(NamedTuple):
@@ -75,7 +80,10 @@ class Reactions(NamedTuple):
         is_exhausted: (N,) of bool, the reaction lasted its full duration and is recovering.
         delay: (N,), s, time for which a pedestrian was kept from its path.
         passing_side: (N,), +1: passes left of the line to the robot, -1: right, 0: neither.
-        notices: (N,) of bool, pedestrians that react to the robot and have it in sight and range.
+        wanted: (N, 2), m/s, desired velocities of pedestrians that stop for the robot, or are curious; they change as
+            fast as people brake.
+        notices: (N,) of bool, pedestrians that react to the robot and have it in view and range.
+        is_followed: (N,) of bool, pedestrians that a robot approaches from behind their view; they hear it.
         faces_robot: (N,) of bool, pedestrians whose reaction is in progress.
         gap: (N,), m, between each pedestrian and the robot.
         robot_direction: (N, 2), unit vectors from each pedestrian to the robot.
@@ -94,7 +102,9 @@ class Reactions(NamedTuple):
     is_exhausted: Bools
     delay: Floats
     passing_side: Floats
+    wanted: Floats2
     notices: Bools
+    is_followed: Bools
     faces_robot: Bools
     gap: Floats
     robot_direction: Floats2
@@ -114,7 +124,7 @@ def initial_reactions(scene: Scene) -> Reactions:
         kind=kind,
         weight=np.array([human.reacts_to_robot for human in humans], dtype=float),
         is_alone=np.array([human.group is None for human in humans], dtype=bool),
-        clearance=np.where(kind == SCARED, clearance + _SCARED_CLEARANCE, clearance),
+        clearance=np.where(kind == SCARED, np.maximum(clearance, _SOCIAL_DISTANCE), clearance),
         size=scene.human_table.circumradius.copy(),
         walls=np.zeros((len(scene.barriers), 3)),
     )
@@ -140,7 +150,9 @@ def choose_robot(reactions: Reactions, k: int, robots: Robots, view_blocks: Soli
 
 
 @subroutine
-def notice_robot(reactions: Reactions, k: int, robots: Robots, humans: Array, in_sight: bool, dt: float) -> bool:
+def notice_robot(
+    reactions: Reactions, k: int, robots: Robots, humans: Array, is_walking: bool, in_sight: bool, dt: float
+) -> bool:
     """Observe the robot, and advance the reaction of pedestrian k by one tick; whether the robot has an effect on it.
 
     Args:
@@ -148,7 +160,8 @@ def notice_robot(reactions: Reactions, k: int, robots: Robots, humans: Array, in
         k: index of a pedestrian that is present.
         robots: of the scene.
         humans: columns of `core.humans`.
-        in_sight: whether the pedestrian has the robot in sight.
+        is_walking: whether the pedestrian walks; one that stands also hears a robot near by.
+        in_sight: whether nothing is between the pedestrian and the robot.
         dt: tick, s.
     """
     r = reactions.robot[k]
@@ -162,13 +175,16 @@ def notice_robot(reactions: Reactions, k: int, robots: Robots, humans: Array, in
         reactions.contact_distance[k] = reactions.size[k] + distance - gap
     reactions.gap[k] = distance - reactions.contact_distance[k]
     reactions.robot_direction[k, 0], reactions.robot_direction[k, 1] = x / distance, y / distance
-    notices = reactions.weight[k] > 0.0 and in_sight and reactions.gap[k] < _NOTICE_RANGE
-    reactions.notices[k] = notices
+    is_near = reactions.weight[k] > 0.0 and in_sight and reactions.gap[k] < _NOTICE_RANGE
+    is_approached = _is_approached(reactions, k, robot, _APPROACH_SPEED)
+    is_heard = not is_walking and is_approached and reactions.gap[k] < _FAR_SOCIAL_DISTANCE
+    notices = is_near and (is_heard or is_in_view(humans, k, x / distance, y / distance))
+    reactions.notices[k], reactions.is_followed[k] = notices, is_near and is_approached and not notices
     kind = reactions.kind[k]
     if kind == CURIOUS:
         cause = notices and reactions.gap[k] < _INTEREST_RANGE
-    elif kind in (STOPS, SCARED):
-        cause = notices and _is_approached(reactions, k, robot, _APPROACH_SPEED) and reactions.gap[k] < _CAUSE_RANGE
+    elif kind == STOPS:
+        cause = notices and is_approached and reactions.gap[k] < _FAR_SOCIAL_DISTANCE
     else:
         return notices
     elapsed, is_exhausted = reactions.elapsed[k], reactions.is_exhausted[k]
@@ -185,6 +201,13 @@ def notice_robot(reactions: Reactions, k: int, robots: Robots, humans: Array, in
 
 
 @subroutine
+def is_in_view(humans: Array, k: int, ux: float, uy: float) -> bool:
+    """Whether the unit vector (ux, uy) is in the field of view of the body or of the head of pedestrian k."""
+    body = humans[k, BODY_X] * ux + humans[k, BODY_Y] * uy
+    return bool(max(body, humans[k, GAZE_X] * ux + humans[k, GAZE_Y] * uy) > _VIEW_COSINE)
+
+
+@subroutine
 def _is_approached(reactions: Reactions, k: int, robot: Array, minimum: float) -> bool:
     """Whether the robot's own velocity towards pedestrian k exceeds a minimum, m/s."""
     towards = reactions.robot_direction[k, 0] * robot[VX] + reactions.robot_direction[k, 1] * robot[VY]
@@ -194,7 +217,7 @@ def _is_approached(reactions: Reactions, k: int, robot: Array, minimum: float) -
 @subroutine
 def adjust_course(
     reactions: Reactions, k: int, robot: Array, walkers: Walkers, desired_x: float, desired_y: float, speed: float,
-    is_walking: bool, barriers: Array, side: float, dt: float,
+    is_walking: bool, solids: Solids, side: float, dt: float,
 ) -> bool:  # fmt: skip
     """Adjust the desired velocity of pedestrian k to the robot; whether it changed.
 
@@ -206,20 +229,27 @@ def adjust_course(
         desired_x, desired_y: desired velocity without the robot, m/s.
         speed: desired speed without the robot, m/s.
         is_walking: whether the pedestrian walks.
-        barriers: rows of `Barriers.table`.
+        solids: walls and furniture.
         side: +1 passes on the right, -1 on the left, where both cost the same.
         dt: tick, s.
     """
     x, y = robot[X] - walkers.position[k, 0], robot[Y] - walkers.position[k, 1]
-    px, py = _preferred_velocity(reactions, k, robot, desired_x, desired_y, speed)
+    px, py = _preferred_velocity(reactions, k, walkers, desired_x, desired_y, speed, dt)
     outline = (walkers.radius[k], 0.0, 1.0, 0.0)  # a disc
     distance = _passing_distance(reactions, k)
     vx, vy, passing_side, walls = px, py, 0.0, -1  # number of rows of `reactions.walls`
     if in_conflict(x, y, px - robot[VX], py - robot[VY], distance):
-        walls = fill_walls(reactions.walls, walkers, k, barriers, outline, WALL_TIME, math.inf)
-        vx, vy, passing_side = evasive_velocity(
-            x, y, px, py, robot[VX], robot[VY], distance, reactions.passing_side[k], side, reactions.walls[:walls]
-        )
+        walls = fill_walls(reactions.walls, walkers, k, solids.table, outline, WALL_TIME, math.inf)
+        if _is_approached(reactions, k, robot, _APPROACH_SPEED) or _has_room(
+            solids, robot, reactions.robot_direction[k], distance, walkers.radius[k]
+        ):
+            vx, vy, passing_side = evasive_velocity(
+                x, y, px, py, robot[VX], robot[VY], distance, reactions.passing_side[k], side, reactions.walls[:walls]
+            )
+        else:  # in a door: it waits before the robot
+            pace = max(length(x, y) - distance - _WAITING_GAP, 0.0) / _WAITING_TIME
+            scale = min(pace / max(length(px, py), 1e-6), 1.0)
+            vx, vy = px * scale, py * scale
     reactions.passing_side[k] = passing_side
     avoiding = reactions.notices[k] and is_walking
     if avoiding and reactions.kind[k] == CURIOUS and reactions.faces_robot[k]:
@@ -229,50 +259,54 @@ def adjust_course(
         vx, vy = px, py
     dx, dy = vx - px, vy - py
     is_delayed = avoiding and dx * dx + dy * dy > 0.01
+    if is_delayed:  # afterwards its velocity goes on from what it is
+        for axis in range(2):
+            reactions.wanted[k, axis] = walkers.velocity[k, axis]
     delay = reactions.delay[k] + (dt if is_delayed else -0.5 * dt)
     reactions.delay[k] = min(max(delay, 0.0), _MAXIMUM_DELAY)
     if not (reactions.notices[k] and is_walking):
         return False
     if vx != desired_x or vy != desired_y:
         if walls < 0:
-            walls = fill_walls(reactions.walls, walkers, k, barriers, outline, WALL_TIME, math.inf)
+            walls = fill_walls(reactions.walls, walkers, k, solids.table, outline, WALL_TIME, math.inf)
+        limit = max(_HURRY * speed, _EVASION_SPEED) / max(length(vx, vy), 1e-6)
+        if limit < 1.0:
+            vx, vy = vx * limit, vy * limit
         vx, vy = limited_by_walls(reactions.walls[:walls], vx, vy)
     reactions.velocity[k, 0], reactions.velocity[k, 1] = vx, vy
     return bool(vx != desired_x or vy != desired_y)
 
 
 @subroutine
-def _preferred_velocity(
-    reactions: Reactions, k: int, robot: Array, desired_x: float, desired_y: float, speed: float
-) -> Vector:
-    """The velocity that the reaction asks for, m/s, before a collision with the robot is avoided."""
-    if not reactions.faces_robot[k]:
-        return desired_x, desired_y
-    kind, ux, uy = reactions.kind[k], reactions.robot_direction[k, 0], reactions.robot_direction[k, 1]
-    if kind == STOPS:
-        return 0.0, 0.0
-    if kind == SCARED:
-        fx, fy = _flight_direction(ux, uy, robot[VX], robot[VY])
-        return speed * fx, speed * fy
-    if kind == CURIOUS and reactions.is_alone[k]:
-        approach = min(max((reactions.gap[k] - _CURIOUS_CLEARANCE) / 0.5, -0.4), speed)
-        return approach * ux, approach * uy
-    return desired_x, desired_y
+def _has_room(solids: Solids, robot: Array, direction: Array, distance: float, radius: float) -> bool:
+    """Whether a body of a radius, m, could pass at a distance, m, on one side of a robot that stands in a direction."""
+    ux, uy = direction[0] * distance, direction[1] * distance
+    for n in range(2):
+        side = 1.0 - 2.0 * n
+        x, y = robot[X] - uy * side, robot[Y] + ux * side
+        if not is_blocked(solids, radius, 0.0, x - ux, y - uy, x + ux, y + uy):
+            return True
+    return False
 
 
 @subroutine
-def _flight_direction(ux: float, uy: float, vx: float, vy: float) -> Vector:
-    """The unit vector away from a moving robot, to the side rather than along its path.
-
-    Args:
-        ux, uy: unit vector to the robot.
-        vx, vy: of the robot, m/s.
-    """
-    speed = max(math.sqrt(vx * vx + vy * vy), 1e-6)
-    along = max(-(ux * vx + uy * vy) / speed, 0.0) * _ASIDE_FRACTION / speed
-    x, y = -ux - along * vx, -uy - along * vy
-    size = max(math.sqrt(x * x + y * y), 1e-6)
-    return x / size, y / size
+def _preferred_velocity(
+    reactions: Reactions, k: int, walkers: Walkers, desired_x: float, desired_y: float, speed: float, dt: float
+) -> Vector:
+    """The velocity that the reaction asks for, m/s, before a collision with the robot is avoided."""
+    kind, wanted = reactions.kind[k], reactions.wanted[k]
+    if not reactions.faces_robot[k] or (kind == CURIOUS and not reactions.is_alone[k]):
+        wanted[0], wanted[1] = walkers.velocity[k, 0], walkers.velocity[k, 1]
+        return desired_x, desired_y
+    approach = 0.0
+    if kind == CURIOUS:
+        excess = reactions.gap[k] - _SOCIAL_DISTANCE
+        approach = min(math.sqrt(_BRAKING * excess), speed) if excess > 0.0 else max(2.0 * excess, -0.4)
+    dx = approach * reactions.robot_direction[k, 0] - wanted[0]
+    dy = approach * reactions.robot_direction[k, 1] - wanted[1]
+    scale = min(_BRAKING * dt / max(length(dx, dy), 1e-6), 1.0)
+    wanted[0], wanted[1] = wanted[0] + dx * scale, wanted[1] + dy * scale
+    return float(wanted[0]), float(wanted[1])
 
 
 @subroutine
@@ -323,14 +357,30 @@ def robot_repulsion(reactions: Reactions, k: int, x: float, y: float, robot_x: f
 
 
 @subroutine
-def step_back(reactions: Reactions, k: int, robot: Array, x: float, y: float, radius: float, solids: Solids) -> Vector:
-    """Where a standing pedestrian stands with the robot near: a scared one a step back from (x, y), m."""
-    if reactions.kind[k] != SCARED or not reactions.notices[k]:
+def step_aside(
+    reactions: Reactions, k: int, robot: Array, x: float, y: float, radius: float, side: float, solids: Solids
+) -> Vector:
+    """Where a standing pedestrian stands with the robot near: beside (x, y), m, if the robot would come too near.
+
+    Args:
+        reactions: after `notice_robot`.
+        k: index of the pedestrian.
+        robot: columns of `core.state`.
+        x, y: its place without the robot, m.
+        radius: half the depth of its body, m.
+        side: of the rules, +1 or -1: to which it steps where both are equal.
+        solids: walls and furniture.
+    """
+    speed = length(robot[VX], robot[VY])
+    if not reactions.notices[k] or speed < _APPROACH_SPEED:
         return x, y
-    dx, dy = x - robot[X], y - robot[Y]
-    distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
-    _, room = nearest_within(solids, x, y, radius + 0.05 + _MAXIMUM_STEP_BACK)
-    room = room - radius - 0.05
-    step = max(_STEP_BACK_RANGE - (distance - reactions.contact_distance[k]), 0.0)
-    step = min(min(step, _MAXIMUM_STEP_BACK), max(room, 0.0))
-    return x + dx * (step / distance), y + dy * (step / distance)
+    ux, uy, dx, dy = robot[VX] / speed, robot[VY] / speed, x - robot[X], y - robot[Y]
+    ahead, aside = dx * ux + dy * uy, ux * dy - uy * dx  # of the robot, and to the left of its way
+    distance = reactions.contact_distance[k] + reactions.clearance[k]
+    if ahead < -distance or ahead > distance + speed * _WARNING or abs(aside) >= distance:
+        return x, y
+    left = aside > 0.0 if abs(aside) > 1e-3 else side < 0.0
+    _, room = nearest_within(solids, x, y, radius + 0.05 + _STEP_ASIDE)
+    step = min(distance - abs(aside), _STEP_ASIDE, max(room - radius - 0.05, 0.0))
+    step = reactions.weight[k] * (step if left else -step)
+    return x - uy * step, y + ux * step

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 
 from ...core.compiled.kernel import subroutine
-from ...core.compiled.scalar import Vector
+from ...core.compiled.scalar import Vector, length
 from ...core.portable_math import Array
 
-_HORIZON, _FULL_HORIZON = 5.0, 3.0  # s to the closest approach: where evasion begins, and where it is complete
-_BEHIND_BONUS = 0.25  # m/s, cost advantage of passing behind the disc
+_HORIZON, _FULL_HORIZON = 4.0, 2.4  # s to the closest approach: where evasion begins, and where it is complete
+_SWERVING = 3.0  # cost of a change across the agent's own direction over that of a change along it
+_BEHIND_BONUS = 0.15  # m/s, cost advantage of passing behind the disc
 _HABIT_BONUS = 0.25  # m/s, cost advantage of the side chosen before
 _MINIMUM_SPEED_FRACTION = 0.6  # of the relative speed, for agents that are too near and walk round the disc
 WALL_TIME = 0.5  # s, within which an evading agent must not reach a wall
@@ -60,9 +61,10 @@ def evasive_velocity(
 
     With p the vector to the disc, R the distance to keep, u the preferred velocity and v the disc's velocity, w = u - v
     is the relative velocity. The agent would come nearer than R where w lies within the cone around p whose half-angle
-    has the sine R/|p|. Then w is projected onto one edge l of that cone: u' = v + l (l·w). Of the two edges the one
-    that changes u less is taken, with a bonus for passing behind the disc and for the previous side, and a penalty for
-    what walls forbid. An agent that is nearer than R and still approaches walks round the disc and backs off.
+    has the sine R/|p|. Then w is moved to the nearest point of one edge l of that cone, u' = v + a l, where changes
+    across u count more than those along it: people rather slow down than swerve. Of the two edges the one that changes
+    u less is taken, with a bonus for passing behind the disc and for the previous side, and a penalty for what walls
+    forbid. An agent that is nearer than R and still approaches walks round the disc and backs off.
 
     Args:
         x, y: m, from the agent to the disc.
@@ -86,14 +88,16 @@ def evasive_velocity(
     sine = min(distance / centre_distance, 1.0)
     cosine = math.sqrt(1.0 - sine * sine)
     behind = px * disc_vy - py * disc_vx  # > 0: the disc moves to the left, so the right is behind it
+    own = length(preferred_x, preferred_y)
+    direction = (preferred_x / own, preferred_y / own) if own > 1e-6 else (px, py)
     retreat = (centre_distance - distance) * _RETREAT_RATE
     best, chosen, edge_x, edge_y = 0.0, 0.0, 0.0, 0.0
     for n in range(2):
         sign = 1.0 - 2.0 * n
-        ex, ey = _edge_velocity(px, py, wx, wy, cosine, sine, sign, retreat, speed)
+        ex, ey = _edge_velocity(px, py, wx, wy, cosine, sine, sign, retreat, speed, direction)
         lx, ly = limited_by_walls(walls, disc_vx + ex, disc_vy + ey)
         lx, ly = lx - disc_vx - ex, ly - disc_vy - ey
-        cost = math.sqrt((ex - wx) * (ex - wx) + (ey - wy) * (ey - wy))
+        cost = _size(ex - wx, ey - wy, direction)
         cost = cost + math.sqrt(lx * lx + ly * ly)
         cost = cost + (_BEHIND_BONUS if sign * behind > 0.05 else 0.0)
         cost = cost - (_HABIT_BONUS if previous_side == sign else 0.0)
@@ -110,16 +114,27 @@ def evasive_velocity(
 
 @subroutine
 def _edge_velocity(
-    px: float, py: float, wx: float, wy: float, cosine: float, sine: float, sign: float, retreat: float, speed: float
-) -> Vector:
+    px: float, py: float, wx: float, wy: float, cosine: float, sine: float, sign: float, retreat: float, speed: float,
+    direction: Vector,
+) -> Vector:  # fmt: skip
     """The relative velocity along the cone's left (sign 1) or right (sign -1) edge, m/s.
 
     Where `retreat`, m/s, is negative, the agent is too near: it walks round the disc and backs off at that speed.
     """
     lx, ly = -py * sign, px * sign
     ex, ey = px * cosine + lx * sine, py * cosine + ly * sine
-    along = max(ex * wx + ey * wy, 0.0)
+    c, s = direction
+    square = _SWERVING * _SWERVING
+    dot = (ex * c + ey * s) * (wx * c + wy * s) + square * (ey * c - ex * s) * (wy * c - wx * s)
+    size = _size(ex, ey, direction)
+    along = max(dot / (size * size), 0.0)
     if retreat < 0.0:
         along = max(along, _MINIMUM_SPEED_FRACTION * speed)
     back = min(retreat, 0.0)
     return ex * along + px * back, ey * along + py * back
+
+
+@subroutine
+def _size(x: float, y: float, direction: Vector) -> float:
+    """Size of a change of velocity of an agent that walks in a direction: changes across it count more."""
+    return length(x * direction[0] + y * direction[1], _SWERVING * (y * direction[0] - x * direction[1]))

@@ -177,7 +177,18 @@ def _watch_robot(obstacles: Obstacles, r: int, robot: Array) -> bool:
 
 
 @subroutine
-def update_obstacles(obstacles: Obstacles, robots: Robots, company: Company, is_present: BoolArray) -> None:
+def robot_stands(obstacles: Obstacles) -> bool:
+    """Whether a robot counts as an obstacle."""
+    for own in obstacles.standing_robots:
+        if own[_IS_OBSTACLE] != 0.0:
+            return True
+    return False
+
+
+@subroutine
+def update_obstacles(
+    obstacles: Obstacles, robots: Robots, company: Company, is_present: BoolArray, with_robots: bool
+) -> None:
     """Replace the added obstacles: people and robots that stand, and the spaces inside groups that talk."""
     bodies, around = obstacles.passable.added, obstacles.space.added
     place, count = company.standing_position, 0
@@ -189,7 +200,7 @@ def update_obstacles(obstacles: Obstacles, robots: Robots, company: Company, is_
             count += 1
     for r in range(len(robots.state)):
         own, corners = obstacles.standing_robots[r], corners_of(robots, r)
-        if own[_IS_OBSTACLE] == 0.0:
+        if own[_IS_OBSTACLE] == 0.0 or not with_robots:
             continue
         place_corners(core_of(robots, r), own[_ROBOT_X], own[_ROBOT_Y], own[_COS], own[_SIN], corners)
         for side in range(len(corners)):

@@ -31,10 +31,14 @@ from ..social.tasks import (
 from ..wayfinding import (
     LONGEST_PATH,
     path_length,
+    robot_stands,
     set_path,
 )
 
 _DETOUR = 1.3  # largest ratio of the lengths of a path with room and of a path without, at which the first is preferred
+
+
+_TOUCHING = 0.1  # m, gap to a robot that the pedestrian has walked into
 
 
 @subroutine
@@ -68,11 +72,13 @@ def path_in(
 
 
 @kernel
-def plan_path(packed_state: Any, x: float, y: float, end_x: float, end_y: float, route: Array) -> int:
+def plan_path(packed_state: Any, k: int, x: float, y: float, end_x: float, end_y: float, route: Array) -> int:
     """The path to a destination with room for the shoulders, or a shorter one on which they must turn.
 
     Args:
         packed_state: packed `CrowdState`.
+        k: index of the pedestrian. The paths of one that ignores the robot do not lead round robots that stand, until
+            it has walked into one.
         x, y, end_x, end_y: start and destination, m.
         route: (R, 2), output: points of the path, m.
 
@@ -80,6 +86,19 @@ def plan_path(packed_state: Any, x: float, y: float, end_x: float, end_y: float,
         Number of points; 0 if there is no path.
     """
     crowd = unpack(packed_state, CrowdState)
+    is_blind = crowd.reactions.weight[k] == 0.0 and robot_stands(crowd.obstacles)
+    is_blind = is_blind and crowd.reactions.gap[k] > _TOUCHING
+    if is_blind:
+        call(crowd.calls.find_obstacles, (crowd, False))
+    count = _shorter_path(crowd, x, y, end_x, end_y, route)
+    if is_blind:
+        call(crowd.calls.find_obstacles, (crowd, True))
+    return count
+
+
+@subroutine
+def _shorter_path(crowd: CrowdState, x: float, y: float, end_x: float, end_y: float, route: Array) -> int:
+    """`plan_path` among the present obstacles."""
     count = path_in(crowd, crowd.obstacles.for_space, crowd.obstacles.for_space_graph, x, y, end_x, end_y, route)
     size = path_length(route, count)
     if count > 0 and size <= _DETOUR * length(end_x - x, end_y - y):
@@ -94,9 +113,9 @@ def plan_path(packed_state: Any, x: float, y: float, end_x: float, end_y: float,
 
 
 @subroutine
-def planned(crowd: CrowdState, x: float, y: float, end_x: float, end_y: float, route: Array) -> int:
+def planned(crowd: CrowdState, k: int, x: float, y: float, end_x: float, end_y: float, route: Array) -> int:
     """`plan_path`."""
-    return int(call_for_int(crowd.calls.plan_path, (crowd, x, y, end_x, end_y, route)))
+    return int(call_for_int(crowd.calls.plan_path, (crowd, k, x, y, end_x, end_y, route)))
 
 
 @kernel
@@ -105,7 +124,7 @@ def send(packed_state: Any, k: int, x: float, y: float) -> bool:
     crowd = unpack(packed_state, CrowdState)
     journeys, routes = crowd.journeys, crowd.routes
     route = np.empty((LONGEST_PATH, 2))
-    count = planned(crowd, x_of(crowd, k), y_of(crowd, k), x, y, route)
+    count = planned(crowd, k, x_of(crowd, k), y_of(crowd, k), x, y, route)
     if count == 0:
         return False
     set_path(routes, journeys, k, route, count, 1)

@@ -78,7 +78,7 @@ def choose_destination(packed_state: Any, k: int, tick: int) -> None:
     if routes.goals_left[k] > 0:
         # Goals of the scene are always approached, straight if there is no free path.
         goal_x, goal_y = _pop_goal(crowd, k)
-        count = planned(crowd, x, y, goal_x, goal_y, route)
+        count = planned(crowd, k, x, y, goal_x, goal_y, route)
         if count == 0:  # through a gap that is hardly wider than the body, or between people who talk
             count = path_in(
                 crowd, crowd.obstacles.for_passable, crowd.obstacles.for_passable_graph, x, y, goal_x, goal_y, route
@@ -107,7 +107,7 @@ def choose_destination(packed_state: Any, k: int, tick: int) -> None:
             continue
         if is_choosy and followers > 1 and is_within(crowd.obstacles.solids, goal_x, goal_y, half_width):
             continue
-        count = planned(crowd, x, y, goal_x, goal_y, route)
+        count = planned(crowd, k, x, y, goal_x, goal_y, route)
         if count == 0:
             continue
         set_path(routes, journeys, k, route, count, 1)
@@ -132,7 +132,7 @@ def find_new_paths(packed_state: Any) -> None:
         if routes.is_blocked[k]:
             routes.is_blocked[k] = False
             to_x, to_y = routes.destination[k, 0], routes.destination[k, 1]
-            count = planned(crowd, x_of(crowd, k), y_of(crowd, k), to_x, to_y, route)
+            count = planned(crowd, k, x_of(crowd, k), y_of(crowd, k), to_x, to_y, route)
             if count > 0:
                 set_path(routes, crowd.journeys, k, route, count, 1)
 

@@ -146,12 +146,19 @@ def advance_tasks(packed_state: Any, tick: int) -> None:
         _start_meetings(crowd, tick)
     if tasks.is_changed[0]:
         tasks.is_changed[0] = False
-        update_obstacles(crowd.obstacles, crowd.robots, crowd.company, crowd.is_present)
+        call(crowd.calls.find_obstacles, (crowd, True))
     for k in range(len(tasks.kind)):
         if journeys.track_start[k + 1] > journeys.track_start[k]:
             follow_track(journeys, crowd.routes, k, tick)
     if tick == 0:
         call(crowd.calls.start_straight, (crowd,))
+
+
+@kernel
+def find_obstacles(packed_state: Any, with_robots: bool) -> None:
+    """Find the obstacles that people are, and robots that stand, unless a pedestrian ignores them."""
+    crowd = unpack(packed_state, CrowdState)
+    update_obstacles(crowd.obstacles, crowd.robots, crowd.company, crowd.is_present, with_robots)
 
 
 @kernel
