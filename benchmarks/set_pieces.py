@@ -102,7 +102,8 @@ def talking_group(seed: int) -> dict[str, float]:
         near = int((distance < 1.5).argmax())
         part = own[near - 20 : near + 20]
         moved = np.hypot(*(part[:, :2] - own[0, :2]).T).max()
-        turned = np.degrees(np.arccos(np.clip(part[:, 4:6] @ own[0, 4:6], -1, 1))).max()
+        cosines = [part[:, column : column + 2] @ own[0, column : column + 2] for column in (4, 6)]  # body and head
+        turned = np.degrees(np.arccos(np.clip(cosines, -1, 1))).max()
         reacted += moved > 0.15 or turned > 20.0
     return {"react": reacted / max(met, 1)}
 

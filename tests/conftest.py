@@ -16,6 +16,7 @@ import hypothesis
 import numpy as np
 import pytest
 
+from sonata2d.agents.pedestrians.models import sonata2026
 from sonata2d.core.compiled import kernel as compiled
 from sonata2d.core.entities import Furniture, Goal, Human, Limits, Robot, Wall
 from sonata2d.core.geometry import Barriers, Disc, Point, Pose, Rectangle, contact_times
@@ -114,6 +115,12 @@ def room(
         rules=rules or Rules(),
         **fields,  # type: ignore[arg-type]
     )
+
+
+@pytest.fixture
+def no_deviations(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Walkers of the default model keep direction and speed; otherwise they deviate at random, from tick to tick."""
+    monkeypatch.setattr(sonata2026, "PARAMETERS", sonata2026.PARAMETERS._replace(wander=0.0, pace_deviation=0.0))
 
 
 def walker(number: int, x: float, y: float, theta: float = 0.0, **fields: object) -> Human:

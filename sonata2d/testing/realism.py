@@ -33,6 +33,7 @@ def simulate(
     model: str = DEFAULT_MODEL,
     radius: float = PERSON_RADIUS,
     breadth: float = PERSON_BREADTH,
+    seed: int = 0,
 ) -> Array:
     """Simulate pedestrians from a given state, without a robot near them.
 
@@ -50,13 +51,15 @@ def simulate(
         groups: (N,) of int; pedestrians with the same number above 0 walk together. None: no groups.
         model: name of the pedestrian model.
         radius, breadth: of all pedestrians, m; see `Human`.
+        seed: of the deviations of walkers from their course and speed. No run can foresee those of recorded people, so
+            that several runs are compared with a recording, and the best one counts, as in forecasting.
 
     Returns:
         Positions (steps, N, 2), m; the first ones are dt after the start.
     """
     scene = _scene_from_state(
         initial_positions, initial_velocities, goals, desired_speeds, obstacles, groups,
-        dt=dt, model=model, radius=radius, breadth=breadth,
+        dt=dt, model=model, radius=radius, breadth=breadth, seed=seed,
     )  # fmt: skip
     first = Crowd(scene)
     facing = first.act(World(scene).snapshot()).facing.tolist()
@@ -77,14 +80,14 @@ def _turned(human: Human, x: float, y: float) -> Human:
 
 def _scene_from_state(
     positions: Array, velocities: Array, goals: Array, speeds: Array, obstacles: Array, groups: IntArray | None,
-    *, dt: float, model: str, radius: float, breadth: float,
+    *, dt: float, model: str, radius: float, breadth: float, seed: int,
 ) -> Scene:  # fmt: skip
     """A scene of pedestrians in a given state, each with a goal, and a robot far away that they ignore.
 
     Args:
         positions, velocities, goals: (N, 2), m and m/s.
         speeds: (N,), desired speeds, m/s.
-        obstacles, groups, dt, model, radius, breadth: as for `simulate`.
+        obstacles, groups, dt, model, radius, breadth, seed: as for `simulate`.
     """
     offset = goals - positions
     distance = lengths(offset)
@@ -126,6 +129,7 @@ def _scene_from_state(
         goal=Goal(x1 - 1.0, y1 - 1.0),
         groups=tuple(Group(number, "walking", tuple(humans)) for number, humans in members.items()),
         rules=Rules(dt=dt),
+        seed=seed,
     )
 
 

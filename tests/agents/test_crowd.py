@@ -85,6 +85,7 @@ def test_forces_rotate_with_the_scene(busy: Scene) -> None:
     )
 
 
+@pytest.mark.usefixtures("no_deviations")
 def test_a_lone_walker_reaches_the_desired_speed_and_faces_its_path() -> None:
     there_and_back = ((3.0, -1.0), (-3.0, -1.0)) * 3
     alone = walker(1, -3.0, -1.0, desired_speed=1.2, behaviour="walking", goals=there_and_back)

@@ -205,6 +205,7 @@ def test_a_group_enters_only_when_there_is_room_for_all() -> None:
 # Pauses and places
 
 
+@pytest.mark.usefixtures("no_deviations")
 def test_wandering_people_stand_at_their_destinations_and_then_go_on() -> None:
     scene = room([walker(1, 0.0, 0.0), walker(2, 2.0, 2.0)], social=Social(pause=(3.0, 5.0)), robot=CORNER, seed=1)
     run = simulate(scene, 60.0)

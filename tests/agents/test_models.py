@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from sonata2d.agents.controllers.reactive import Orca, SocialForce
-from sonata2d.agents.pedestrians.models import sonata2026
 from sonata2d.agents.pedestrians.models.base import Walkers, pedestrian_model, physics_steps
 from sonata2d.core.geometry import Pose
 from sonata2d.core.portable_math import Array
@@ -52,12 +51,6 @@ def random_walkers(seed: int = 0) -> Walkers:
         politeness=rng.uniform(0.7, 1.4, COUNT),
         steering=np.zeros((COUNT, 2)),
     )
-
-
-@pytest.fixture
-def no_deviations(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Walkers of the default model keep their directions; otherwise each deviates at random, from tick to tick."""
-    monkeypatch.setattr(sonata2026, "PARAMETERS", sonata2026.PARAMETERS._replace(wander=0.0))
 
 
 def with_attention(walkers: Walkers, attention: Array) -> Walkers:
@@ -140,6 +133,7 @@ def test_attention_is_ego_first(model: str) -> None:
     assert np.array_equal(attending[1], alone[1])
 
 
+@pytest.mark.usefixtures("no_deviations")
 @pytest.mark.parametrize("model", MODELS)
 def test_agents_that_do_not_walk_are_skipped(model: str) -> None:
     walkers = random_walkers()
@@ -238,6 +232,7 @@ def test_a_lone_walker_reaches_the_desired_speed(model: str) -> None:
     assert math.hypot(*last.humans[0].velocity) == pytest.approx(1.2, abs=0.05)
 
 
+@pytest.mark.usefixtures("no_deviations")
 @pytest.mark.parametrize("model", ["sonata2026", *PUBLISHED])
 def test_pedestrians_that_meet_head_on_pass_on_the_side_of_the_rules(model: str) -> None:
     paths = {}

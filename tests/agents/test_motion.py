@@ -142,6 +142,30 @@ def test_a_crowd_in_a_door_is_not_pressed_into_its_jambs() -> None:
         assert gaps.min() > -0.012  # the motion in a substep
 
 
+def test_people_in_a_stream_pass_a_corner_side_by_side() -> None:
+    """They leave a corridor 2.4 m wide and turn to the left; a person alone passes near the corner."""
+    polygon = ((-9.0, -8.0), (8.0, -8.0), (8.0, 8.0), (-9.0, 8.0))
+    inner = [Wall((-9.0, y), (0.0, y)) for y in (-1.2, 1.2)]
+    places = [(-2.0 - 0.8 * (k // 3), 0.6 * (k % 3 - 1)) for k in range(24)]
+
+    def at_the_end(count: int) -> list[float]:
+        humans = [going(k + 1, x, y, (1.5, 7.0), velocity=(1.2, 0.0)) for k, (x, y) in enumerate(places[:count])]
+        path = positions(simulate(room(humans, inner=inner, polygon=polygon, robot=Pose(7.0, -7.0)), 14.0))
+        return [float(np.interp(-0.2, path[:, k, 0], path[:, k, 1])) for k in range(count)]
+
+    (alone,), stream = at_the_end(1), at_the_end(24)
+    assert alone > 0.5
+    assert np.percentile(stream, 90) - np.percentile(stream, 10) > 0.9
+
+
+def test_people_leave_at_a_place_that_is_taken_once_they_have_walked_past_it() -> None:
+    taken = Human(1, Pose(3.0, 0.0))
+    humans = [taken, going(2, -3.0, 0.0, (3.0, 0.0), exits=True), going(3, 3.0, -3.0, (3.0, 0.0), exits=True)]
+    snapshots = simulate(room(humans, robot=CORNER), 12.0)
+    assert snapshots[-1].humans.id.tolist() == [1]
+
+
+@pytest.mark.usefixtures("no_deviations")
 def test_people_walk_into_a_standing_robot_that_they_ignore_and_then_round_it() -> None:
     snapshots = simulate(room([going(1, -3.5, 0.0, (3.5, 0.0))], robot=Pose(0.5, 0.0)), 12.0)
     clearance = [s2.clearance(snapshot) for snapshot in snapshots]

@@ -77,6 +77,7 @@ def test_crowds_take_turns_at_a_door_and_all_get_through() -> None:
     assert (progress(positions(run), 6)[-1] > 0.3).all()
 
 
+@pytest.mark.usefixtures("no_deviations")
 @pytest.mark.parametrize("width", [0.32, 0.4])
 def test_a_walker_squeezes_through_a_gap_that_is_hardly_wider_than_its_body(width: float) -> None:
     (person,) = facing_door(1, -1)

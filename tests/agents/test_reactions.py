@@ -59,6 +59,7 @@ def fraction_looking_at_robot(snapshots: list[Snapshot], k: int = 0) -> float:
     return float(((to_robot * gaze).sum(axis=1) > math.cos(0.26) * np.linalg.norm(to_robot, axis=1)).mean())
 
 
+@pytest.mark.usefixtures("no_deviations")
 def test_crossing_walkers_keep_the_clearance_that_is_given() -> None:
     kept = [clearances(crossing("avoids", -0.3 + 0.1 * k, 0.1 * k)).min() for k in range(7)]
     assert kept == pytest.approx([0.1 * k for k in range(7)], abs=0.1)
@@ -120,6 +121,7 @@ def test_standing_people_step_out_of_the_way_of_the_robot_and_return() -> None:
     assert clearances(snapshots).min() > 0.0
 
 
+@pytest.mark.usefixtures("no_deviations")
 def test_paths_of_pedestrians_that_ignore_the_robot_lead_through_it() -> None:
     """The robot stands in the way for longer than it takes to count as an obstacle for the others."""
     aside = {}
@@ -136,14 +138,21 @@ def test_ignoring_pedestrians_walk_as_if_the_robot_were_far_away() -> None:
     assert all((a.humans.state == b.humans.state).all() for a, b in zip(near, far, strict=True))
 
 
+@pytest.mark.usefixtures("no_deviations")
 def test_stopping_pedestrians_stand_until_the_robot_has_passed() -> None:
-    snapshots = crossing("stops")
+    snapshots = crossing("stops", 0.3)
     speed = np.array([np.linalg.norm(s.humans.velocity[0]) for s in snapshots])
     standing = np.flatnonzero(speed[10:] < 0.25) + 10
     assert len(standing) > 5
     assert all(snapshots[int(k)].robot.position[0] < 0.5 for k in standing[standing < 80])
     assert snapshots[-1].humans.position[0, 1] > 2.0
     assert clearances(snapshots).min() > 0.3
+
+
+@pytest.mark.usefixtures("no_deviations")
+@pytest.mark.parametrize("offset", [-1.0, -0.5, 0.0, 0.5, 1.0, 1.5])
+def test_nobody_stops_in_the_way_of_the_robot(offset: float) -> None:
+    assert clearances(crossing("stops", offset)).min() > 0.05
 
 
 @pytest.mark.parametrize("reaction", REACTIONS[1:])

@@ -127,6 +127,7 @@ def test_a_pedestrian_uses_a_laptop_from_in_front_of_the_table() -> None:
     assert (x, y) == pytest.approx((0.0, 1.1), abs=0.1)
 
 
+@pytest.mark.usefixtures("no_deviations")
 def test_a_newcomer_completes_a_pair_to_a_circle() -> None:
     pair = [Human(1, Pose(-0.5, 1.0), 0.2), Human(2, Pose(0.5, 1.0), 0.2)]
     social = Social(joins=1.0, talk_time=(15.0, 15.0))

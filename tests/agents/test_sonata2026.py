@@ -28,7 +28,6 @@ from sonata2d.agents.pedestrians.models.sonata2026 import (
     PARAMETERS,
     SHUFFLE,
     SLOW_PACE,
-    STREAM_LENGTH,
     WAITING_LAG,
     WEIGHT,
     Memory,
@@ -40,6 +39,7 @@ from sonata2d.agents.pedestrians.models.sonata2026 import (
     group_velocity,
     headway_reach,
     headway_speed,
+    own_course,
     proximity_acceleration,
     steer,
     with_body,
@@ -53,9 +53,10 @@ from ..conftest import neighbour_lists, room
 from .test_crowd import positions, rotated, simulate, two_rooms
 
 GIVEN = PARAMETERS._replace(
-    relaxation_time=0.3, turning_time=0.5, following_time=2.0, headway_half_width=0.4, standstill_gap=0.1, time_gap=1.0,
-    look_ahead_time=0.5, temperature=0.1, side_bonus=0.06, anticipation_strength=0.8, proximity_strength=0.5,
-    decay_length=0.3, cohesion=0.2, spacing=0.9, wander=0.1,
+    relaxation_time=0.3, turning_time=0.5, headway_half_width=0.4, standstill_gap=0.1, time_gap=1.0, matching_time=0.0,
+    look_ahead_time=0.5, temperature=0.1, side_bonus=0.06, anticipation_strength=0.8,
+    anticipation_length=0.3, proximity_strength=0.5, wall_strength=2.0, proximity_length=0.3, cohesion=0.2, spacing=0.9,
+    wander=0.1, pace_deviation=0.0,
 )  # fmt: skip
 CORNER = Pose(-3.7, -3.7)
 CONTACT_DISTANCE = 0.4
@@ -126,8 +127,22 @@ def test_bodies_touch_by_their_depth_in_file_and_by_their_breadth_abreast() -> N
 )
 def test_the_gap_ahead_determines_the_speed(x: float, y: float, weight: float, speed: float) -> None:
     for time_gap in (1.0, 0.5):
-        found = headway_speed(x, y, CONTACT_DISTANCE, weight, time_gap, GIVEN)
+        found = headway_speed(x, y, CONTACT_DISTANCE, weight, time_gap, 1.0, 0.0, GIVEN)
         assert max(found, 0.0) == pytest.approx(speed / time_gap)
+
+
+@pytest.mark.parametrize(
+    ("gap", "pace", "speed"),
+    [
+        (1.0, 1.0, 1.0),  # at the same speed as without matching
+        (0.5, 1.0, (0.5 + 2.0) / 3.0),  # slower than the one ahead, to widen the gap, but not half as slow
+        (2.0, 0.0, 2.0 / 3.0),  # brakes early before one who stands
+        (2.0, -1.0, 2.0 / 3.0),
+    ],
+)
+def test_walkers_match_the_speed_of_those_ahead(gap: float, pace: float, speed: float) -> None:
+    ahead = gap + CONTACT_DISTANCE + GIVEN.standstill_gap
+    assert headway_speed(ahead, 0.0, CONTACT_DISTANCE, 1.0, 1.0, pace, 2.0, GIVEN) == pytest.approx(speed)
 
 
 def steered(ahead: float, left: float, cosine: float, side: float = 1.0) -> Array:
@@ -153,11 +168,15 @@ def test_oncoming_pedestrians_are_passed_on_the_biased_side() -> None:
     assert steered(1.0, 0.0, -1.0, side=-1.0) == pytest.approx((ahead, -left, speed))
 
 
-def test_pedestrians_in_the_same_direction_are_followed_and_not_overtaken() -> None:
-    ahead, left, speed = steered(1.0, 0.0, 1.0)
+def test_those_who_walk_as_fast_are_followed_and_slower_ones_are_overtaken() -> None:
+    def course(pace: float) -> tuple[float, float, float]:
+        path = np.array([[0.9, 0.0, pace * GIVEN.look_ahead_time, 0.0, 1.0, CONTACT_DISTANCE, 1.0]])
+        return steer(path, NO_WALLS, EAST, 1.3, GIVEN.time_gap, 1.0, GIVEN, np.empty(len(ANGLES)))
+
+    ahead, left, speed = course(1.8)
     assert (ahead, left) == pytest.approx((1.0, 0.0), abs=0.05)
-    assert speed == pytest.approx(0.5, abs=0.1)  # (1 - 0.4 - 0.1) / 1
-    assert abs(steered(1.0, 0.1, 0.0)[1]) > 0.3  # the path of one that crosses is left
+    assert speed == pytest.approx(0.4, abs=0.1)  # (0.9 - 0.4 - 0.1) / 1
+    assert course(0.2)[1] < -0.1  # to the side of the rules
 
 
 def test_neighbours_out_of_reach_do_not_change_the_choice_of_direction_and_speed() -> None:
@@ -288,31 +307,41 @@ def test_a_group_keeps_half_of_the_looseness_with_which_it_comes() -> None:
     assert group_velocity(came, 0, looseness, 1.0, GIVEN) == pytest.approx((0.2 * 0.2, 0.0, 1.0))
 
 
-def test_those_who_walk_in_a_stream_speed_up_slowly_and_others_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    given = GIVEN._replace(anticipation_strength=0.0, proximity_strength=0.0, wander=0.0)
+def test_walls_and_people_beside_turn_a_walker_and_do_not_slow_it_down(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = GIVEN._replace(wander=0.0, anticipation_strength=0.0)
     monkeypatch.setattr(sonata2026, "PARAMETERS", given)
+    walkers = walkers_at([(0.0, 0.0), (0.3, 0.6)], [(1.3, 0.0)] * 2)
+    push = Sonata2026Model(room()).acceleration(walkers)[0]
+    distance = math.hypot(0.3, 0.6)
+    size = 0.5 * (0.5 + 0.5 * 0.3 / distance) * math.exp((CONTACT_DISTANCE - distance) / 0.3)
+    assert push == pytest.approx((0.0, -size * 0.6 / distance), abs=1e-6)
 
-    def acceleration(distance: float, pace: float, desired_speed: float = 1.3) -> float:
-        """Of a walker, m/s^2, with another one ahead at a lateral distance that leaves the strip free."""
-        walkers = walkers_at([(0.0, 0.0), (distance, 0.5)], [(pace, 0.0), (1.3, 0.0)])
-        walkers.desired_speed[:] = desired_speed
-        return float(Sonata2026Model(room()).acceleration(walkers)[0, 0])
 
-    stream = math.exp(-math.hypot(1.0, 0.5) / STREAM_LENGTH)
-    time = 0.3 + (2.0 - 0.3) * stream / (1.0 + stream)
-    assert acceleration(1.0, 1.0) == pytest.approx(0.3 / time)
-    assert acceleration(-1.0, 1.0) == pytest.approx(0.3 / 0.3)  # the other one is behind
-    assert acceleration(1.0, 0.2) == pytest.approx(min(1.1 / 0.3, MAXIMUM_ACCELERATION))  # starts
-    assert acceleration(1.0, 1.0, 0.7) == pytest.approx(-0.3 / 0.3)  # slows down
+def test_deviations_fade_in_a_crowd_and_are_shared_by_a_group(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = GIVEN._replace(wander=0.1, pace_deviation=0.1, crowd=1.0)
+    memory = Memory(np.zeros(2, np.int64), np.array([[1.0, 2.0], [-1.0, 0.5]]), np.zeros(2))
+    pair = walkers_at([(0.0, 0.0), (0.0, 1.0)], [(0.0, 0.0)] * 2)
+    share = 1.0 / (1.0 + math.exp(-1.0) ** 2)
+    assert own_course(pair, 0, memory, given) == pytest.approx((0.1 * share, math.exp(0.2 * share)))
+    group = walkers_at([(0.0, 0.0), (0.0, 1.0)], [(0.0, 0.0)] * 2, group=0)
+    assert (
+        own_course(group, 0, memory, given)
+        == own_course(group, 1, memory, given)
+        == pytest.approx((0.1, math.exp(0.2)))
+    )
 
 
 def test_deviations_have_mean_0_and_variance_1_and_last_for_their_time() -> None:
     lag = 10  # ticks
-    memory = Memory(np.array([12345]), np.zeros(1), np.zeros(1))
-    angle = np.array([deviate(memory, 0, math.exp(-1.0 / lag)) for _ in range(40_000)])
-    assert angle.mean() == pytest.approx(0.0, abs=0.1)
-    assert angle.var() == pytest.approx(1.0, abs=0.1)
-    assert np.mean(angle[lag:] * angle[:-lag]) == pytest.approx(math.exp(-1.0), abs=0.1)
+    memory, deviations = Memory(np.array([12345]), np.zeros((1, 2)), np.zeros(1)), np.empty((40_000, 2))
+    for row in deviations:
+        deviate(memory, 0, math.exp(-1.0 / lag))
+        row[:] = memory.deviation[0]
+    for deviation in deviations.T:
+        assert deviation.mean() == pytest.approx(0.0, abs=0.1)
+        assert deviation.var() == pytest.approx(1.0, abs=0.1)
+        assert np.mean(deviation[lag:] * deviation[:-lag]) == pytest.approx(math.exp(-1.0), abs=0.1)
+    assert np.mean(deviations[:, 0] * deviations[:, 1]) == pytest.approx(0.0, abs=0.1)
 
 
 def test_each_pedestrian_deviates_in_its_own_way(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -58,6 +58,7 @@ from .routes import (
     Routes,
     advance_on_paths,
     corner_speed,
+    keep_lanes,
     next_without_destination,
     point_ahead,
     set_targets,
@@ -379,6 +380,9 @@ def _decide(crowd: CrowdState, tick: int, humans: Array) -> None:
     ):
         call(calls.find_new_paths, (crowd,))
     set_targets(routes, humans, is_present)
+    for k in range(len(humans)):
+        crowd.walkers.walks[k] = crowd.company.is_walking[k] and is_present[k]
+    keep_lanes(routes, crowd.walkers, calls.check_line, crowd.obstacles.for_space)
     _set_desires(crowd, humans, is_present)
     give_way(crowd.passages, routes, crowd.walkers, humans, is_present, crowd.obstacles.side, crowd.obstacles.dt)
     for k in range(len(humans)):
@@ -394,7 +398,6 @@ def _set_desires(crowd: CrowdState, humans: Array, is_present: BoolArray) -> Non
     """Set where the pedestrians want to walk, as far as it does not depend on the robot."""
     routes, walkers = crowd.routes, crowd.walkers
     for k in range(len(humans)):
-        walkers.walks[k] = crowd.company.is_walking[k] and is_present[k]
         dx, dy = routes.target[k, 0] - humans[k, X], routes.target[k, 1] - humans[k, Y]
         ux, uy = 0.0, 0.0
         if crowd.company.is_walking[k]:

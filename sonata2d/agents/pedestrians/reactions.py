@@ -185,6 +185,7 @@ def notice_robot(
         cause = notices and reactions.gap[k] < _INTEREST_RANGE
     elif kind == STOPS:
         cause = notices and is_approached and reactions.gap[k] < _FAR_SOCIAL_DISTANCE
+        cause = cause and _stops_beside(reactions, k, robot, humans)
     else:
         return notices
     elapsed, is_exhausted = reactions.elapsed[k], reactions.is_exhausted[k]
@@ -198,6 +199,16 @@ def notice_robot(
     reactions.is_exhausted[k] = is_exhausted
     reactions.faces_robot[k] = cause and not is_exhausted
     return notices
+
+
+@subroutine
+def _stops_beside(reactions: Reactions, k: int, robot: Array, humans: Array) -> bool:
+    """Whether pedestrian k would come to a stand beside the robot's way: nobody stops in front of it."""
+    vx, vy, speed = humans[k, VX], humans[k, VY], max(length(robot[VX], robot[VY]), 1e-6)
+    time = length(vx, vy) / (2.0 * _BRAKING)
+    dx, dy = humans[k, X] + vx * time - robot[X], humans[k, Y] + vy * time - robot[Y]
+    aside = abs(robot[VX] * dy - robot[VY] * dx) / speed
+    return bool(aside > reactions.contact_distance[k] + min(reactions.clearance[k], _CLOSE_CLEARANCE))
 
 
 @subroutine

@@ -13,12 +13,15 @@ from ...core.barrier_grid import Solids, is_crossed
 from ...core.compiled.calls import call_for_flag
 from ...core.compiled.kernel import subroutine
 from ...core.compiled.packing import Bools, Floats2, Floats3, Ints
-from ...core.compiled.scalar import Vector
+from ...core.compiled.scalar import Vector, exp, length, unit_or
 from ...core.humans import X, Y
 from ...core.portable_math import PI, Array, BoolArray
+from .models.base import Walkers
 
 ARRIVAL_DISTANCE = 0.5  # m from the goal
-EXIT_DISTANCE = 0.3  # m from the goal at which a pedestrian leaves
+EXIT_DISTANCE = 0.5  # m from the goal at which a pedestrian leaves
+_SHORT_LEG = 1.0  # m, of a path whose direction says nothing
+_PASSING_DISTANCE = 3.0  # m beside the goal at which it also leaves, once it has walked past it
 _CLUSTER_AREA = 0.7  # m^2, of each pedestrian in a cluster that stands at one goal
 _LARGEST_CLUSTER = 3.0  # m, radius
 _WAYPOINT_DISTANCE = 0.6  # m from a waypoint at which the next one becomes the target if nothing is in between
@@ -28,6 +31,9 @@ _TURNING, _BRAKING = 1.0, 1.0  # m/s^2, lateral and longitudinal, of a walker th
 _CHECK_INTERVAL = 5  # ticks between checks whether paths are still free
 _PROGRESS_INTERVAL = 30  # ticks in which a wandering pedestrian must make progress, else it chooses a new destination
 _MINIMUM_PROGRESS = 0.4  # m
+# How far beside a corner a walker aims, m, for each stranger who walks on the inside; the largest and smallest such
+# shift, m; the cosine of the largest angle between walkers of one stream; the sine of the smallest turn at a corner.
+_LANE, _WIDEST_SHIFT, _NARROWEST_SHIFT, _SAME_WAY_COSINE, _CORNER = 1.6, 2.0, 0.03, 0.5, 0.1
 MOST_WAYPOINTS = 32  # in a row of `Routes.path`
 _ROOM_AHEAD = 1.5  # m, free distance that a follower needs to walk beside its leader, and a walker to turn at a corner
 
@@ -265,14 +271,80 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray) -> None:
         stays = routes.is_assigned[k] or routes.is_stopping[k] or routes.goals_left[k] == 0
         is_last = stays and routes.next[k] == routes.length[k] - 1 and not routes.is_partial[k]
         routes.is_final[k] = routes.length[k] > 0 and is_last and not routes.is_exiting[k]
-        x, y = routes.target[k, 0], routes.target[k, 1]
         routes.is_leaving[k] = (
             # those that leave through doors are found by `advance_tasks`
             routes.is_exiting[k]
             and routes.goals_left[k] == 0
             and is_last
-            and is_near(humans[k, X], humans[k, Y], x, y, EXIT_DISTANCE)
+            and _has_passed(routes, k, humans[k, X], humans[k, Y])
         )
+
+
+@subroutine
+def _has_passed(routes: Routes, k: int, x: float, y: float) -> bool:
+    """Whether pedestrian k at (x, y) has reached the end of its path, or walked past it."""
+    n = routes.length[k] - 1
+    dx, dy = x - routes.path[k, n, 0], y - routes.path[k, n, 1]
+    if dx * dx + dy * dy < EXIT_DISTANCE * EXIT_DISTANCE:
+        return True
+    before = n - 1  # the end of a path may be a short step to the side, off an obstacle
+    while before > 0 and is_near(
+        routes.path[k, before, 0], routes.path[k, before, 1], routes.path[k, n, 0], routes.path[k, n, 1], _SHORT_LEG
+    ):
+        before -= 1
+    last = routes.path[k, max(before, 0)]
+    ux, uy = unit_or(routes.path[k, n, 0] - last[0], routes.path[k, n, 1] - last[1], 1e-3, 0.0, 0.0)
+    return bool(dx * ux + dy * uy > 0.0 and abs(ux * dy - uy * dx) < _PASSING_DISTANCE)
+
+
+@subroutine
+def keep_lanes(routes: Routes, walkers: Walkers, check_line: Ints, space: Any) -> None:
+    """Let walkers in a stream pass a corner side by side: each one aims as far beside it as others walk on its inside.
+
+    Without this all would aim at the same point, and pass it one behind the other.
+
+    Args:
+        routes: after `set_targets`; targets are moved.
+        walkers: all pedestrians, with the desired directions of the last tick.
+        check_line: address of the kernel of this name.
+        space: packed free space of paths.
+    """
+    for k in range(len(walkers.walks)):
+        n = routes.next[k]
+        if not walkers.walks[k] or n < 0 or n >= routes.length[k] - 1:
+            continue
+        x, y = routes.path[k, n, 0], routes.path[k, n, 1]
+        ux, uy = unit_or(x - walkers.position[k, 0], y - walkers.position[k, 1], 1e-3, 0.0, 0.0)
+        vx, vy = unit_or(routes.path[k, n + 1, 0] - x, routes.path[k, n + 1, 1] - y, 1e-3, 0.0, 0.0)
+        turn = ux * vy - uy * vx
+        if abs(turn) < _CORNER:
+            continue
+        shift = min(_LANE * _inside(walkers, k, ux, uy, math.copysign(1.0, turn)), _WIDEST_SHIFT)
+        to_x, to_y = unit_or(ux - vx, uy - vy, 1e-3, 0.0, 0.0)  # out of the corner
+        for _ in range(3):
+            if shift < _NARROWEST_SHIFT:
+                break
+            if call_for_flag(check_line, (space, x, y, x + to_x * shift, y + to_y * shift)):
+                routes.target[k, 0], routes.target[k, 1] = x + to_x * shift, y + to_y * shift
+                break
+            shift *= 0.5
+
+
+@subroutine
+def _inside(walkers: Walkers, k: int, ux: float, uy: float, side: float) -> float:
+    """Number of strangers on one side of pedestrian k, 1 is left and -1 right, that walk in the direction (ux, uy)."""
+    total = 0.0
+    for n in range(walkers.neighbour_start[k], walkers.neighbour_start[k + 1]):
+        j = walkers.neighbour[n]
+        if not walkers.walks[j] or (walkers.group[k] >= 0 and walkers.group[k] == walkers.group[j]):
+            continue
+        if ux * walkers.desired_direction[j, 0] + uy * walkers.desired_direction[j, 1] < _SAME_WAY_COSINE:
+            continue
+        dx, dy = walkers.position[j, 0] - walkers.position[k, 0], walkers.position[j, 1] - walkers.position[k, 1]
+        distance = max(length(dx, dy), 0.01)
+        aside = side * (ux * dy - uy * dx) / distance
+        total += walkers.attention[n] * max(aside, 0.0) * exp(-distance)
+    return total
 
 
 @subroutine

@@ -10,6 +10,7 @@ from ...core.portable_math import Array
 
 _HORIZON, _FULL_HORIZON = 4.0, 2.4  # s to the closest approach: where evasion begins, and where it is complete
 _SWERVING = 3.0  # cost of a change across the agent's own direction over that of a change along it
+_WALKING_SPEED = 0.5  # m/s, from which on a swerve costs so much
 _BEHIND_BONUS = 0.15  # m/s, cost advantage of passing behind the disc
 _HABIT_BONUS = 0.25  # m/s, cost advantage of the side chosen before
 _MINIMUM_SPEED_FRACTION = 0.6  # of the relative speed, for agents that are too near and walk round the disc
@@ -89,15 +90,17 @@ def evasive_velocity(
     cosine = math.sqrt(1.0 - sine * sine)
     behind = px * disc_vy - py * disc_vx  # > 0: the disc moves to the left, so the right is behind it
     own = length(preferred_x, preferred_y)
-    direction = (preferred_x / own, preferred_y / own) if own > 1e-6 else (px, py)
+    # (x, y), and the cost of a change across it: those who stand step to any side
+    cost_x, cost_y = (preferred_x / own, preferred_y / own) if own > 1e-6 else (px, py)
+    metric = (cost_x, cost_y, 1.0 + (_SWERVING - 1.0) * min(own / _WALKING_SPEED, 1.0))
     retreat = (centre_distance - distance) * _RETREAT_RATE
     best, chosen, edge_x, edge_y = 0.0, 0.0, 0.0, 0.0
     for n in range(2):
         sign = 1.0 - 2.0 * n
-        ex, ey = _edge_velocity(px, py, wx, wy, cosine, sine, sign, retreat, speed, direction)
+        ex, ey = _edge_velocity(px, py, wx, wy, cosine, sine, sign, retreat, speed, metric)
         lx, ly = limited_by_walls(walls, disc_vx + ex, disc_vy + ey)
         lx, ly = lx - disc_vx - ex, ly - disc_vy - ey
-        cost = _size(ex - wx, ey - wy, direction)
+        cost = _size(ex - wx, ey - wy, metric)
         cost = cost + math.sqrt(lx * lx + ly * ly)
         cost = cost + (_BEHIND_BONUS if sign * behind > 0.05 else 0.0)
         cost = cost - (_HABIT_BONUS if previous_side == sign else 0.0)
@@ -115,7 +118,7 @@ def evasive_velocity(
 @subroutine
 def _edge_velocity(
     px: float, py: float, wx: float, wy: float, cosine: float, sine: float, sign: float, retreat: float, speed: float,
-    direction: Vector,
+    metric: tuple[float, float, float],
 ) -> Vector:  # fmt: skip
     """The relative velocity along the cone's left (sign 1) or right (sign -1) edge, m/s.
 
@@ -123,10 +126,9 @@ def _edge_velocity(
     """
     lx, ly = -py * sign, px * sign
     ex, ey = px * cosine + lx * sine, py * cosine + ly * sine
-    c, s = direction
-    square = _SWERVING * _SWERVING
-    dot = (ex * c + ey * s) * (wx * c + wy * s) + square * (ey * c - ex * s) * (wy * c - wx * s)
-    size = _size(ex, ey, direction)
+    c, s, across = metric
+    dot = (ex * c + ey * s) * (wx * c + wy * s) + across * across * (ey * c - ex * s) * (wy * c - wx * s)
+    size = _size(ex, ey, metric)
     along = max(dot / (size * size), 0.0)
     if retreat < 0.0:
         along = max(along, _MINIMUM_SPEED_FRACTION * speed)
@@ -135,6 +137,6 @@ def _edge_velocity(
 
 
 @subroutine
-def _size(x: float, y: float, direction: Vector) -> float:
-    """Size of a change of velocity of an agent that walks in a direction: changes across it count more."""
-    return length(x * direction[0] + y * direction[1], _SWERVING * (y * direction[0] - x * direction[1]))
+def _size(x: float, y: float, metric: tuple[float, float, float]) -> float:
+    """Size of a change of velocity, where changes across a direction, (x, y), count by a factor, the third number."""
+    return length(x * metric[0] + y * metric[1], metric[2] * (y * metric[0] - x * metric[1]))

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....core.compiled.kernel import kernel, subroutine
-from ....core.compiled.packing import Floats, Ints, Packed, unpack, zeros
+from ....core.compiled.packing import Floats, Floats2, Ints, Packed, unpack, zeros
 from ....core.compiled.scalar import Vector, clipped, exp, length, rotation, turned_towards
 from ....core.philox import first_words
 from ....core.portable_math import PI, Array, unit_vectors
@@ -23,39 +23,49 @@ class Sonata2026(NamedTuple):
         relaxation_time: time constant of the speed along the chosen direction, s.
         turning_time: of the velocity component across it, s; also the shortest time in which a walker would reach a
             thing or a person in its way.
-        following_time: of the speed along it of a walker that speeds up in a dense stream, s: people in company walk at
-            the speed of the stream rather than close every gap.
         headway_half_width: half the width of the strip ahead in which others count, m.
         standstill_gap: gap at which the permitted speed is 0, m; below 0, bodies would touch first.
         time_gap: time in which the gap beyond `standstill_gap` would be walked, s.
+        matching_time: time for which those ahead are expected to go on as they walk, s: people in company walk at the
+            speed of the others rather than close every gap.
         look_ahead_time: time for which the motion of others is predicted, and over which the force of a predicted
-            approach and the deviation of a walker from its direction fall to 1/e, s.
+            approach falls to 1/e, s.
         temperature: difference of values at which the weight of a direction falls to 1/e, m/s.
         side_bonus: additional value of directions to the side of the rules, m/s; over the look-ahead time it gives the
             distance by which others are perceived to the opposite side.
         anticipation_strength: m/s^2, where the outlines would touch.
-        proximity_strength: m/s^2, at contact.
-        decay_length: gap over which both forces fall to 1/e, m.
+        anticipation_length: gap over which it falls to 1/e, m.
+        proximity_strength: m/s^2, at contact with a person.
+        wall_strength: m/s^2, at contact with a wall or furniture, at a brisk pace.
+        proximity_length: gap over which both fall to 1/e, m.
         cohesion: rate at which members of a group return to their formation, 1/s.
         spacing: between neighbours abreast, m.
-        wander: standard deviation of the angle by which a pedestrian deviates from its direction, rad.
+        wander: standard deviation of the angle by which a walker deviates from its direction, rad.
+        pace_deviation: standard deviation of the logarithm of the factor by which it deviates from its desired speed.
+        deviation_time: over which both deviations fall to 1/e, s.
+        crowd: number of strangers beside a walker that leave it half of its deviations.
     """
 
-    relaxation_time: float = 0.168
-    turning_time: float = 0.43
-    following_time: float = 1.604
-    headway_half_width: float = 0.299
-    standstill_gap: float = -0.218
-    time_gap: float = 0.592
-    look_ahead_time: float = 1.355
-    temperature: float = 0.083
-    side_bonus: float = 0.109
-    anticipation_strength: float = 1.521
-    proximity_strength: float = 0.125
-    decay_length: float = 1.14
+    relaxation_time: float = 0.214
+    turning_time: float = 0.194
+    headway_half_width: float = 0.329
+    standstill_gap: float = -0.248
+    time_gap: float = 1.21
+    matching_time: float = 0.873
+    look_ahead_time: float = 1.014
+    temperature: float = 0.071
+    side_bonus: float = 0.107
+    anticipation_strength: float = 2.438
+    anticipation_length: float = 0.584
+    proximity_strength: float = 7.055
+    wall_strength: float = 1.911
+    proximity_length: float = 0.093
     cohesion: float = 0.229
     spacing: float = 1.062
-    wander: float = 0.02
+    wander: float = 0.11
+    pace_deviation: float = 0.12
+    deviation_time: float = 0.977
+    crowd: float = 0.636
 
 
 PARAMETERS = Sonata2026()
@@ -66,9 +76,7 @@ _FASTEST = 3.0  # m/s, more than people walk
 _LONGEST_PREDICTION = 10.0  # s, limit of the time to the closest approach
 _ROUNDING = 1e-3  # m, more than the rounding errors of a distance
 
-# A stream: strangers ahead whose direction differs by at most 60 degrees; each counts less the farther away it is. A
-# walker slower than the pace, which has just started, is not slowed down by the stream.
-_STREAM_COSINE, STREAM_LENGTH, STREAM_PACE = 0.5, 1.0, 0.3  # m, m/s
+_NEAR = 1.0  # m, over which strangers count less in a crowd, by a factor of e
 
 # How a walker turns. Its velocity deviates from the heading of its body by 45 degrees at most; farther directions make
 # the body turn first. A walker that faces more than 60 degrees away slows down, and stands from 120 degrees on; one
@@ -164,7 +172,7 @@ def proximity_acceleration(
     p = parameters
     d = max(length(dx, dy), 0.01)
     cosine = (dx * direction[0] + dy * direction[1]) / d
-    decay = exp(min(contact_distance(dx / d, dy / d, bodies) - d, 0.0) / p.decay_length)
+    decay = exp(min(contact_distance(dx / d, dy / d, bodies) - d, 0.0) / p.proximity_length)
     push = weight * (0.5 + 0.5 * cosine) * (-p.proximity_strength) * decay / d
     return push * dx, push * dy
 
@@ -201,7 +209,7 @@ def anticipation_acceleration(
     offset = side * p.side_bonus * p.look_ahead_time / math.sqrt(max(square, 1e-6))
     fx, fy = fx + uy * offset, fy - ux * offset  # perpendicular to the relative velocity
     d = max(length(fx, fy), 0.01)
-    near = exp(min(contact_distance(fx / d, fy / d, bodies) - d, 0.0) / p.decay_length - t / p.look_ahead_time)
+    near = exp(min(contact_distance(fx / d, fy / d, bodies) - d, 0.0) / p.anticipation_length - t / p.look_ahead_time)
     push = weight * closing * (-p.anticipation_strength) * near / d
     return push * fx, push * fy
 
@@ -277,24 +285,29 @@ def group_velocity(
 
 @subroutine
 def headway_speed(
-    ahead: float, aside: float, contact: float, weight: float, time_gap: float, parameters: Sonata2026
-) -> float:
-    """The speed that a neighbour permits: (gap - standstill_gap) / time_gap.
+    ahead: float, aside: float, contact: float, weight: float, time_gap: float, pace: float, matching_time: float,
+    parameters: Sonata2026,
+) -> float:  # fmt: skip
+    """The speed v that a neighbour permits: v = (gap - standstill_gap + (pace - v) matching_time) / time_gap.
 
-    The gap is the clearance along the path. It grows without bound towards the edge of the strip, so that the speed
-    changes continuously when a pedestrian enters the strip.
+    At the same speed that is the gap over the time gap; a faster walker brakes early, and a slower one does not rush
+    into a gap that will stay. The gap is the clearance along the path. It grows without bound towards the edge of the
+    strip, so that the speed changes continuously when a pedestrian enters the strip.
 
     Args:
         ahead, aside: position of the neighbour along and across the path, m.
         contact: distance of centres at contact, m.
         weight: attention to the neighbour, in [0, 1]; smaller weights enlarge the gap.
         time_gap: of the agent, s.
+        pace: speed of the neighbour along the path, m/s; one that comes nearer counts as standing.
+        matching_time: for which it is expected to keep this speed, s.
         parameters: half width of the strip and standstill gap.
 
     Returns:
         m/s; negative if the gap is too small, inf outside the strip.
 
-    Source: Tordeux, Chraibi & Seyfried, Traffic and Granular Flow '15 (2016) 225, eq. 2; the soft edge is ours.
+    Source: Tordeux, Chraibi & Seyfried, Traffic and Granular Flow '15 (2016) 225, eq. 2; the soft edge and the matching
+    of speeds are ours.
     """
     p = parameters
     if not ahead > 0.0:
@@ -303,7 +316,8 @@ def headway_speed(
     effect = weight * (1.0 - edge * edge)
     if not effect > 0.0:
         return math.inf
-    return (ahead - contact - p.standstill_gap) / (effect * time_gap)
+    gap = ahead - contact - p.standstill_gap + max(pace, 0.0) * matching_time
+    return gap / (effect * (time_gap + matching_time))
 
 
 @subroutine
@@ -329,11 +343,10 @@ def steer(
     """Choose the direction and speed with the best progress.
 
     The value of a direction is the speed that its headway permits, times its cosine with the desired direction. Where
-    others do not walk in the same direction, it is also limited by walls, so that no pedestrian evades into a wall.
-    Oncoming pedestrians count as nearer, and receding ones as farther, by the distance that they walk within the
-    look-ahead time; pedestrians that walk in the same direction do not count: they are followed, not overtaken. The
-    result is the mean of the directions weighted by their values, so that a small change of the positions changes the
-    direction by little.
+    others come towards it, it is also limited by walls, so that no pedestrian evades into a wall. Oncoming pedestrians
+    count as nearer, and receding ones as farther, by the distance that they walk within the look-ahead time: those that
+    walk as fast are followed, slower ones are overtaken. The result is the mean of the directions weighted by their
+    values, so that a small change of the positions changes the direction by little.
 
     Args:
         path: (N, 7), neighbours that the agent attends to; columns `AHEAD` to `WEIGHT`.
@@ -355,8 +368,10 @@ def steer(
     for j in range(len(path)):
         ahead, aside, contact, weight = path[j, AHEAD], path[j, ASIDE], path[j, CONTACT], path[j, WEIGHT]
         future = predicted(ahead, path[j, MOVE_AHEAD])
-        free_speed = min(free_speed, headway_speed(ahead, aside, contact, weight, time_gap, p))
-        future_speed = min(future_speed, headway_speed(future, aside, contact, weight, time_gap, p))
+        pace = path[j, MOVE_AHEAD] / p.look_ahead_time
+        speed = headway_speed(ahead, aside, contact, weight, time_gap, pace, p.matching_time, p)
+        free_speed = min(free_speed, speed)
+        future_speed = min(future_speed, headway_speed(future, aside, contact, weight, time_gap, 0.0, 0.0, p))
     free_speed, future_speed = max(free_speed, 0.0), max(future_speed, 0.0)
     # Only pedestrians that are held up choose a direction; the others keep the desired one.
     if not min(free_speed, future_speed) < desired_speed or (ex == 0.0 and ey == 0.0):
@@ -367,14 +382,13 @@ def steer(
         value[k] = math.inf
     for j in range(len(path)):
         ahead, aside, move_ahead, move_aside = path[j, AHEAD], path[j, ASIDE], path[j, MOVE_AHEAD], path[j, MOVE_ASIDE]
-        obstruction = path[j, WEIGHT] * (1.0 - clipped(2.0 * path[j, ALIGNMENT], 0.0, 1.0))
-        if obstruction > 0.0:
-            is_opposed = is_opposed or path[j, ALIGNMENT] < -0.5
-            for k in range(len(ANGLES)):
-                c, s = _TURNS[k, 0], _TURNS[k, 1]
-                future = predicted(ahead * c - aside * s, move_ahead * c - move_aside * s)
-                speed = headway_speed(future, ahead * s + aside * c, path[j, CONTACT], obstruction, time_gap, p)
-                value[k] = min(value[k], speed)
+        contact, weight = path[j, CONTACT], path[j, WEIGHT]
+        is_opposed = is_opposed or path[j, ALIGNMENT] < -0.5
+        for k in range(len(ANGLES)):
+            c, s = _TURNS[k, 0], _TURNS[k, 1]
+            future = predicted(ahead * c - aside * s, move_ahead * c - move_aside * s)
+            speed = headway_speed(future, ahead * s + aside * c, contact, weight, time_gap, 0.0, 0.0, p)
+            value[k] = min(value[k], speed)
     for k in range(len(ANGLES)):
         c, s = _TURNS[k, 0], _TURNS[k, 1]
         for w in range(len(walls) if is_opposed else 0):
@@ -396,7 +410,9 @@ def steer(
     speed = math.inf
     for j in range(len(path)):
         along, across = path[j, AHEAD] * x - path[j, ASIDE] * y, path[j, AHEAD] * y + path[j, ASIDE] * x
-        speed = min(speed, headway_speed(along, across, path[j, CONTACT], path[j, WEIGHT], time_gap, p))
+        pace = (path[j, MOVE_AHEAD] * x - path[j, MOVE_ASIDE] * y) / p.look_ahead_time
+        contact, weight = path[j, CONTACT], path[j, WEIGHT]
+        speed = min(speed, headway_speed(along, across, contact, weight, time_gap, pace, p.matching_time, p))
     return ex * x - ey * y, ey * x + ex * y, min(max(speed, 0.0), desired_speed)
 
 
@@ -405,12 +421,12 @@ class Memory(NamedTuple):
 
     Attributes:
         generator: (M,) of int, state of its random number generator.
-        deviation: (M,), from its direction, in standard deviations; 0 at the start.
+        deviation: (M, 2), from its direction and from its desired speed, in standard deviations; 0 at the start.
         looseness: (M,), by which its group deviates from an ideal formation when they meet, m; NaN before.
     """
 
     generator: Ints
-    deviation: Floats
+    deviation: Floats2
     looseness: Floats
 
 
@@ -423,30 +439,50 @@ class Input(NamedTuple):
 
 _MULTIPLIER, _INCREMENT, _MASK = 1664525, 1013904223, 0xFFFFFFFF  # of the generator, modulo 2^32
 _UNIFORM_DRAWS = 4  # uniform random numbers, whose sum approximates a normal distribution
+_COURSE, _PACE = range(2)  # columns of `Memory.deviation`
+_MOST_WANDER, _MOST_PACE = 0.4, 0.25  # rad, and logarithm of the factor: below the limit of the speed
 
 
 @subroutine
-def deviate(memory: Memory, i: int, keep: float) -> float:
-    """Advance the deviation of agent i by one tick: an Ornstein-Uhlenbeck process of variance 1.
+def deviate(memory: Memory, i: int, keep: float) -> None:
+    """Advance the deviations of agent i by one tick: two Ornstein-Uhlenbeck processes of variance 1.
 
     Args:
         memory: updated.
         i: index of the agent.
-        keep: factor by which the deviation falls within a tick, in (0, 1).
-
-    Returns:
-        The deviation, in standard deviations.
+        keep: factor by which the deviations fall within a tick, in (0, 1).
 
     Source: the generator is from Press et al., Numerical Recipes, section 7.1.
     """
-    total, state = 0.0, memory.generator[i]
-    for _ in range(_UNIFORM_DRAWS):
-        state = (_MULTIPLIER * state + _INCREMENT) & _MASK
-        total += state / 2147483648.0 - 1.0  # uniform in [-1, 1), of variance 1/3
+    state, kick = memory.generator[i], math.sqrt((1.0 - keep * keep) * 3.0 / _UNIFORM_DRAWS)
+    for column in range(2):
+        total = 0.0
+        for _ in range(_UNIFORM_DRAWS):
+            state = (_MULTIPLIER * state + _INCREMENT) & _MASK
+            total += state / 2147483648.0 - 1.0  # uniform in [-1, 1), of variance 1/3
+        memory.deviation[i, column] = keep * memory.deviation[i, column] + kick * total
     memory.generator[i] = state
-    kick = math.sqrt((1.0 - keep * keep) * 3.0 / _UNIFORM_DRAWS)
-    memory.deviation[i] = keep * memory.deviation[i] + kick * total
-    return float(memory.deviation[i])
+
+
+@subroutine
+def own_course(walkers: Walkers, i: int, memory: Memory, parameters: Sonata2026) -> tuple[float, float]:
+    """By how much agent i deviates from its direction, rad, and the factor of its desired speed.
+
+    Members of a group share the deviations of the first one that walks near by, so that they stay together. In a
+    crowd a walker goes where others leave room: its deviations fade.
+    """
+    p, lead, crowd = parameters, i, 0.0
+    for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
+        j = walkers.neighbour[n]
+        if not _are_together(walkers, i, j):
+            dx, dy = walkers.position[j, 0] - walkers.position[i, 0], walkers.position[j, 1] - walkers.position[i, 1]
+            crowd += walkers.attention[n] * exp(-length(dx, dy) / _NEAR)
+        elif walkers.walks[j]:
+            lead = min(lead, j)
+    share = 1.0 / (1.0 + (crowd / p.crowd) * (crowd / p.crowd))
+    course, pace = memory.deviation[lead, _COURSE], memory.deviation[lead, _PACE]
+    course = clipped(p.wander * share * course, -_MOST_WANDER, _MOST_WANDER)
+    return course, exp(clipped(p.pace_deviation * share * pace, -_MOST_PACE, _MOST_PACE))
 
 
 @kernel
@@ -460,16 +496,20 @@ def _accelerations(
     direction, desired_speed, body = walkers.desired_direction, walkers.desired_speed, walkers.body_direction
     path, value, pace = np.empty((len(position), 7)), np.empty(len(ANGLES)), np.empty(len(position))
     near = np.empty((len(barriers), 3))
-    keep = exp(-dt / p.look_ahead_time)
+    keep = exp(-dt / p.deviation_time)
+    relaxation_time, turning_time = max(p.relaxation_time, dt), max(p.turning_time, dt)  # stable also in long ticks
     for i in range(len(position)):
         pace[i] = length(velocity[i, 0], velocity[i, 1])
     for i in range(len(position)):
         if not walkers.walks[i]:
             continue
-        c, s = rotation(side * clipped(p.wander * deviate(memory, i, keep), -0.4, 0.4))
+        deviate(memory, i, keep)
+        course, factor = own_course(walkers, i, memory, p)
+        c, s = rotation(side * course)
+        wanted = factor * desired_speed[i]
         ex, ey = direction[i, 0] * c - direction[i, 1] * s, direction[i, 0] * s + direction[i, 1] * c
         time_gap, politeness = p.time_gap * walkers.headway[i], walkers.politeness[i]
-        push_x, push_y, stream, members = 0.0, 0.0, 0.0, 1.0
+        push_x, push_y, members = 0.0, 0.0, 1.0
         count = 0
         for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
             j, weight = walkers.neighbour[n], walkers.attention[n]
@@ -477,10 +517,7 @@ def _accelerations(
                 continue
             dx, dy, contact = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1], radius[j] + radius[i]
             alignment = direction[j, 0] * ex + direction[j, 1] * ey
-            if _are_together(walkers, i, j):
-                members += 1.0
-            elif alignment > _STREAM_COSINE and dx * ex + dy * ey > 0.0:
-                stream += weight * exp(-length(dx, dy) / STREAM_LENGTH)
+            members += _are_together(walkers, i, j)
             bodies = (contact, walkers.shoulder[i], body[i, 0], body[i, 1], walkers.shoulder[j], body[j, 0], body[j, 1])
             ux, uy = velocity[j, 0] - velocity[i, 0], velocity[j, 1] - velocity[i, 1]
             x, y = anticipation_acceleration(dx, dy, ux, uy, weight * politeness, bodies, side, p)
@@ -490,7 +527,7 @@ def _accelerations(
             push_x += x
             push_y += y
             # A neighbour out of reach permits the desired speed in every direction.
-            reach = headway_reach(contact, pace[j], desired_speed[i], time_gap, p)
+            reach = headway_reach(contact, pace[j], wanted, time_gap, p)
             if dx * dx + dy * dy <= reach * reach:
                 x, y = velocity[j, 0] * p.look_ahead_time, velocity[j, 1] * p.look_ahead_time
                 path[count, AHEAD], path[count, ASIDE] = dx * ex + dy * ey, dx * ey - dy * ex
@@ -501,21 +538,26 @@ def _accelerations(
         outline = (radius[i], walkers.shoulder[i], body[i, 0], body[i, 1])
         reach = radius[i] + walkers.shoulder[i] + p.turning_time * _FASTEST
         walls = near[: fill_walls(near, walkers, i, barriers, outline, p.turning_time, reach)]
+        haste = p.wall_strength * min(pace[i] / BRISK_PACE, 1.0)  # those who squeeze through a gap are not pushed out
+        for w in range(len(walls)):
+            push = haste * exp(-walls[w, 2] * p.turning_time / p.proximity_length)
+            push_x, push_y = push_x - push * walls[w, 0], push_y - push * walls[w, 1]
+        # Headways slow walkers down; the forces only turn them.
+        along = push_x * ex + push_y * ey
+        share = p.turning_time / turning_time
+        push_x, push_y = share * (push_x - along * ex), share * (push_y - along * ey)
         gx, gy, group_pace = group_velocity(walkers, i, memory.looseness, side, p)
-        x, y, speed = steer(path[:count], walls, (ex, ey), desired_speed[i], time_gap, side, p, value)
+        x, y, speed = steer(path[:count], walls, (ex, ey), wanted, time_gap, side, p, value)
         walkers.steering[i, 0], walkers.steering[i, 1] = x, y
         x, y, speed = with_body((body[i, 0], body[i, 1]), x, y, speed, pace[i], side)
         speed *= group_pace
         own_velocity = (velocity[i, 0], velocity[i, 1])
-        ahead, tau = velocity[i, 0] * x + velocity[i, 1] * y, p.relaxation_time
-        if speed > ahead:
-            walking = clipped((ahead - STREAM_PACE) / (BRISK_PACE - STREAM_PACE), 0.0, 1.0)
-            tau += (p.following_time - tau) * walking * stream / (1.0 + stream)
         along = gx * x + gy * y
-        drive = desired_change(own_velocity, (x, y), speed, along / p.relaxation_time, tau, p.turning_time, dt)
+        tau = relaxation_time
+        drive = desired_change(own_velocity, (x, y), speed, along / tau, tau, turning_time, dt)
         # Each member of a group evades less, so that the group keeps its formation, and others walk round it.
-        ax = drive[0] + (gx - along * x) / p.relaxation_time + push_x / members
-        ay = drive[1] + (gy - along * y) / p.relaxation_time + push_y / members
+        ax = drive[0] + (gx - along * x) / tau + push_x / members
+        ay = drive[1] + (gy - along * y) / tau + push_y / members
         after = (velocity[i, 0] + ax * dt, velocity[i, 1] + ay * dt)
         vx, vy = _without_bumps(walkers, i, after, walls, p.turning_time)
         acceleration[i, 0], acceleration[i, 1] = (vx - velocity[i, 0]) / dt, (vy - velocity[i, 1]) / dt
@@ -582,7 +624,7 @@ def headway_reach(
     It is ahead by its distance less the half width of the strip at least, and comes nearer by its own motion.
     """
     p = parameters
-    gap = p.standstill_gap + time_gap * desired_speed
+    gap = p.standstill_gap + (time_gap + p.matching_time) * desired_speed
     return contact + gap + p.headway_half_width + p.look_ahead_time * neighbour_speed + _ROUNDING
 
 
