@@ -1,6 +1,6 @@
 """How people react to a robot in scenes made for one question each; prints a row for each scene.
 
-    python benchmarks/set_pieces.py [--seeds 10]
+    python benchmarks/set_pieces.py [--seeds 10] [--only NAME]
 
 - blocked door: the robot stands in a door of 0.8 m for 15 s. How far the person walks who waits, and how much it turns.
 - door from both sides: robot and person meet at a door of 0.8 m; the robot waits until the person is through.
@@ -100,7 +100,7 @@ def talking_group(seed: int) -> dict[str, float]:
             continue  # the robot does not come to this person
         met += 1
         near = int((distance < 1.5).argmax())
-        part = own[near - 20 : near + 20]
+        part = own[max(near - 20, 0) : near + 20]
         moved = np.hypot(*(part[:, :2] - own[0, :2]).T).max()
         cosines = [part[:, column : column + 2] @ own[0, column : column + 2] for column in (4, 6)]  # body and head
         turned = np.degrees(np.arccos(np.clip(cosines, -1, 1))).max()

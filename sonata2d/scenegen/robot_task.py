@@ -19,7 +19,7 @@ from .scenario.people import path_segments
 
 _APART = 1e-3  # m, a gap between outlines that neither touch nor overlap
 _PATH_MARGIN = 0.05  # m, minimum gap between the robot and obstacles along a path
-_HEEDLESS_GAP = 0.4  # m, of a robot from the paths of people who all ignore it
+_GAP_TO_PATHS = 0.4  # m, of a robot from the paths of people who all ignore it
 
 
 def reserved_outlines(config: ScenarioConfig) -> list[PlacedShape]:
@@ -119,14 +119,17 @@ def _drawn_task(
     """
     paths, sample_point = path_segments(config.people), layout.plan.sample_point
     pose, position = config.robot.pose, config.goal.position
+    found = None
     for attempt in range(config.max_attempts):
         start = Pose(*(pose or (*sample_point(rng), rng.uniform(-PI, PI)))).rounded()
         goal = Pose(*(position or sample_point(rng))).rounded()
-        may_block = attempt >= config.max_attempts // 2
-        if not may_block and _blocks_the_heedless(config, paths, start):
-            continue
-        if _is_feasible(config, layout, space, paths, start, goal):
-            return _create_robot(config, start), _create_goal(config, goal, rng)
+        is_better = found is None or not _is_in_the_way(config, paths, start)
+        if is_better and _is_feasible(config, layout, space, paths, start, goal):
+            found = start, goal
+        if found is not None and (attempt >= config.max_attempts // 2 or not _is_in_the_way(config, paths, found[0])):
+            break
+    if found is not None:
+        return _create_robot(config, found[0]), _create_goal(config, found[1], rng)
     fewer = "fewer humans and robots" if config.robots else "fewer humans"
     last = "set robot.on_ways to null" if config.robot.on_ways is not None else "make the robot smaller"
     raise SceneError(
@@ -177,11 +180,11 @@ def _is_feasible(
     return is_free and space.path(start.position, goal.position) is not None
 
 
-def _blocks_the_heedless(config: ScenarioConfig, paths: Barriers, start: Pose) -> bool:
+def _is_in_the_way(config: ScenarioConfig, paths: Barriers, start: Pose) -> bool:
     """Return whether the robot is on the path of one of `people`, who all ignore it and would walk into it."""
     if config.robot.on_ways is None or config.person.ignores_robot < 1.0 or config.robot.pose is not None:
         return False
-    gap = config.robot.outline.circumradius + _HEEDLESS_GAP
+    gap = config.robot.outline.circumradius + _GAP_TO_PATHS
     return bool((paths.gaps(np.array([start.position])) < gap).any())
 
 

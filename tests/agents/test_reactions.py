@@ -1,4 +1,4 @@
-"""Reactions to the robot: ignore, avoid, stop, approach or flee; none of them lasts for ever."""
+"""Reactions to the robot: ignore, avoid, stop, approach or keep away; none of them lasts for ever."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from sonata2d.agents.pedestrians.crowd import Crowd
 from sonata2d.core import proxemics
-from sonata2d.core.entities import Human, Limits, Reaction, Wall
+from sonata2d.core.entities import Goal, Human, Limits, OtherRobot, Reaction, Robot, Wall
 from sonata2d.core.geometry import Pose, Twist
 from sonata2d.core.portable_math import Array
 from sonata2d.core.scene import Rules, Scene
@@ -110,6 +110,45 @@ def test_a_walker_waits_before_a_robot_in_a_door_without_pacing_and_goes_on() ->
     assert np.abs(np.diff(angle)).sum() < math.radians(90)
     assert clearances(snapshots).min() > 0.0
     assert states[-1, 0] > 1.0
+
+
+@pytest.mark.parametrize("width", [1.5, 1.8, 2.2])
+@pytest.mark.parametrize("aside", [0.0, 0.3])
+def test_a_robot_that_stands_in_a_corridor_is_passed(width: float, aside: float) -> None:
+    walls = [Wall((-8.0, y), (8.0, y)) for y in (-width / 2, width / 2)]
+    human = Human(1, Pose(-4.0, aside), behaviour="walking", goals=((5.0, 0.0),))
+    snapshots = simulate(room([human], robot=Pose(0.0, 0.0), polygon=HALL, inner=walls), 0.0, 150)
+    assert snapshots[-1].humans.position[0, 0] > 3.0
+
+
+def test_people_who_enter_later_and_ignore_the_robot_walk_into_it_too() -> None:
+    human = replace(crossing_human("ignores"), enters=30, velocity=(0.0, 0.0))
+    snapshots = simulate(room([human], robot=Pose(0.0, 0.0), polygon=HALL), 0.0, 110)
+    assert min(clearances([s for s in snapshots if len(s.humans)])) < 0.02
+
+
+def test_a_robot_in_front_is_evaded_although_another_one_follows_near_by() -> None:
+    human = Human(1, Pose(-3.0, 0.0), behaviour="walking", goals=((7.0, 0.0),), velocity=(1.2, 0.0))
+    other = OtherRobot(11, Robot(Pose(-4.2, 0.0), limits=Limits()), Goal(7.0, 1.0))
+    scene = room([human], robot=Pose(4.0, 0.0, math.pi), polygon=HALL, limits=Limits())
+    scene = replace(scene, robots=(other,))
+    world, crowd, gap = World(scene), Crowd(scene), []
+    for _ in range(40):
+        snapshot = world.snapshot()
+        gap.append(proxemics.clearances(snapshot)[0])
+        world.step(Twist(0.8), crowd.act(snapshot), others=[Twist(1.0)])
+    assert min(gap) > 0.05
+
+
+def test_a_standing_person_keeps_the_side_to_which_it_steps() -> None:
+    scene = room([Human(1, Pose(0.0, 0.0, math.pi))], robot=Pose(-4.0, 0.0), polygon=HALL, limits=Limits())
+    world, crowd, aside = World(scene), Crowd(scene), []
+    for tick in range(60):
+        snapshot = world.snapshot()
+        aside.append(snapshot.humans.position[0, 1])
+        world.step(Twist(0.8, omega=0.1 * math.cos(tick / 5)), crowd.act(snapshot))
+    assert np.abs(aside).max() > 0.3
+    assert min(aside) > -0.05 or max(aside) < 0.05
 
 
 def test_standing_people_step_out_of_the_way_of_the_robot_and_return() -> None:

@@ -379,7 +379,7 @@ def _decide(crowd: CrowdState, tick: int, humans: Array) -> None:
         routes, tick, humans, is_present, calls.check_line, crowd.obstacles.for_space, crowd.obstacles.for_passable
     ):
         call(calls.find_new_paths, (crowd,))
-    set_targets(routes, humans, is_present)
+    set_targets(routes, humans, is_present, crowd.obstacles.solids)
     for k in range(len(humans)):
         crowd.walkers.walks[k] = crowd.company.is_walking[k] and is_present[k]
     keep_lanes(routes, crowd.walkers, calls.check_line, crowd.obstacles.for_space)
@@ -387,7 +387,7 @@ def _decide(crowd: CrowdState, tick: int, humans: Array) -> None:
     give_way(crowd.passages, routes, crowd.walkers, humans, is_present, crowd.obstacles.side, crowd.obstacles.dt)
     for k in range(len(humans)):
         crowd.intentions.robot_in_sight[k] = is_present[k] and choose_robot(
-            crowd.reactions, k, crowd.robots, crowd.obstacles.view_blocks, humans[k, X], humans[k, Y]
+            crowd.reactions, k, crowd.robots, crowd.obstacles.view_blocks, humans
         )
     _react(crowd, humans, is_present)
     _orient(crowd, tick, humans, is_present)
@@ -425,9 +425,12 @@ def _react(crowd: CrowdState, humans: Array, is_present: BoolArray) -> None:
     direction, speed = walkers.desired_direction, walkers.desired_speed
     for k in range(len(humans)):
         if not is_present[k]:
+            reactions.gap[k] = math.inf
             continue
         if not any_notices:
             reactions.delay[k] = max(reactions.delay[k] - 0.5 * dt, 0.0)
+            for axis in range(2):
+                reactions.wanted[k, axis] = walkers.velocity[k, axis]
         elif adjust_course(
             reactions, k, robots.state[reactions.robot[k]], walkers, direction[k, 0] * speed[k],
             direction[k, 1] * speed[k], speed[k], social.is_walking[k], crowd.obstacles.solids,

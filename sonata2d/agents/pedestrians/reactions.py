@@ -39,6 +39,7 @@ from .models.base import Walkers, fill_walls
 from .robots import Robots, core_of, corners_of
 from .velocity_obstacle import WALL_TIME, evasive_velocity, in_conflict, limited_by_walls
 
+_FAR = 1e6  # m
 _NOTICE_RANGE = 8.0  # m, clearance within which the robot has an effect
 # Hall's social distance, m: its near phase begins at the first and ends at the second. Curious and scared pedestrians
 # keep the first as their clearance; a robot that approaches within the second one stops those that stop.
@@ -79,11 +80,12 @@ class Reactions(NamedTuple):
         elapsed: (N,), s, time that the present reaction has lasted.
         is_exhausted: (N,) of bool, the reaction lasted its full duration and is recovering.
         delay: (N,), s, time for which a pedestrian was kept from its path.
-        passing_side: (N,), +1: passes left of the line to the robot, -1: right, 0: neither.
+        passing_side: (N,), +1: passes left of the line to the robot, -1: right, 0: neither; of one that stands, the
+            side of the robot's way to which it steps.
         wanted: (N, 2), m/s, desired velocities of pedestrians that stop for the robot, or are curious; they change as
             fast as people brake.
         notices: (N,) of bool, pedestrians that react to the robot and have it in view and range.
-        is_followed: (N,) of bool, pedestrians that a robot approaches from behind their view; they hear it.
+        is_followed: (N,) of bool, pedestrians that a robot approaches without being in view.
         faces_robot: (N,) of bool, pedestrians whose reaction is in progress.
         gap: (N,), m, between each pedestrian and the robot.
         robot_direction: (N, 2), unit vectors from each pedestrian to the robot.
@@ -124,6 +126,7 @@ def initial_reactions(scene: Scene) -> Reactions:
         kind=kind,
         weight=np.array([human.reacts_to_robot for human in humans], dtype=float),
         is_alone=np.array([human.group is None for human in humans], dtype=bool),
+        gap=np.full(count, math.inf),
         clearance=np.where(kind == SCARED, np.maximum(clearance, _SOCIAL_DISTANCE), clearance),
         size=scene.human_table.circumradius.copy(),
         walls=np.zeros((len(scene.barriers), 3)),
@@ -131,18 +134,30 @@ def initial_reactions(scene: Scene) -> Reactions:
 
 
 @subroutine
-def choose_robot(reactions: Reactions, k: int, robots: Robots, view_blocks: Solids, x: float, y: float) -> bool:
-    """Choose the robot that pedestrian k at (x, y), m, heeds; whether it has it in sight.
+def is_in_view(humans: Array, k: int, ux: float, uy: float) -> bool:
+    """Whether the unit vector (ux, uy) is in the field of view of the body or of the head of pedestrian k."""
+    body = humans[k, BODY_X] * ux + humans[k, BODY_Y] * uy
+    return bool(max(body, humans[k, GAZE_X] * ux + humans[k, GAZE_Y] * uy) > _VIEW_COSINE)
 
-    Of several robots in sight it is the nearest one; if there is none, the one before.
+
+@subroutine
+def choose_robot(reactions: Reactions, k: int, robots: Robots, view_blocks: Solids, humans: Array) -> bool:
+    """Choose the robot that pedestrian k heeds; whether nothing is between the two.
+
+    Of several robots it is the nearest one in view, or else the nearest one that no wall hides; if there is none, the
+    one before.
     """
+    x, y = humans[k, X], humans[k, Y]
     if len(robots.state) == 1:
         return not is_crossed(view_blocks, x, y, robots.state[0, X], robots.state[0, Y])
     chosen, least = -1, math.inf
     for r in range(len(robots.state)):
-        robot_x, robot_y = robots.state[r, X], robots.state[r, Y]
-        distance = length(robot_x - x, robot_y - y) - robots.radius[r]
-        if distance < least and not is_crossed(view_blocks, x, y, robot_x, robot_y):
+        dx, dy = robots.state[r, X] - x, robots.state[r, Y] - y
+        size = max(length(dx, dy), 1e-6)
+        distance = size - robots.radius[r]
+        if not is_in_view(humans, k, dx / size, dy / size):
+            distance += _FAR  # after all that are in view
+        if distance < least and not is_crossed(view_blocks, x, y, x + dx, y + dy):
             chosen, least = r, distance
     if chosen >= 0 and chosen != reactions.robot[k]:
         reactions.robot[k], reactions.passing_side[k] = chosen, 0.0
@@ -185,7 +200,7 @@ def notice_robot(
         cause = notices and reactions.gap[k] < _INTEREST_RANGE
     elif kind == STOPS:
         cause = notices and is_approached and reactions.gap[k] < _FAR_SOCIAL_DISTANCE
-        cause = cause and _stops_beside(reactions, k, robot, humans)
+        cause = cause and _would_stand_clear(reactions, k, robot, humans)
     else:
         return notices
     elapsed, is_exhausted = reactions.elapsed[k], reactions.is_exhausted[k]
@@ -202,20 +217,13 @@ def notice_robot(
 
 
 @subroutine
-def _stops_beside(reactions: Reactions, k: int, robot: Array, humans: Array) -> bool:
-    """Whether pedestrian k would come to a stand beside the robot's way: nobody stops in front of it."""
+def _would_stand_clear(reactions: Reactions, k: int, robot: Array, humans: Array) -> bool:
+    """Whether pedestrian k, if it brakes now, comes to a stand beside the robot's way."""
     vx, vy, speed = humans[k, VX], humans[k, VY], max(length(robot[VX], robot[VY]), 1e-6)
     time = length(vx, vy) / (2.0 * _BRAKING)
     dx, dy = humans[k, X] + vx * time - robot[X], humans[k, Y] + vy * time - robot[Y]
     aside = abs(robot[VX] * dy - robot[VY] * dx) / speed
     return bool(aside > reactions.contact_distance[k] + min(reactions.clearance[k], _CLOSE_CLEARANCE))
-
-
-@subroutine
-def is_in_view(humans: Array, k: int, ux: float, uy: float) -> bool:
-    """Whether the unit vector (ux, uy) is in the field of view of the body or of the head of pedestrian k."""
-    body = humans[k, BODY_X] * ux + humans[k, BODY_Y] * uy
-    return bool(max(body, humans[k, GAZE_X] * ux + humans[k, GAZE_Y] * uy) > _VIEW_COSINE)
 
 
 @subroutine
@@ -251,17 +259,18 @@ def adjust_course(
     vx, vy, passing_side, walls = px, py, 0.0, -1  # number of rows of `reactions.walls`
     if in_conflict(x, y, px - robot[VX], py - robot[VY], distance):
         walls = fill_walls(reactions.walls, walkers, k, solids.table, outline, WALL_TIME, math.inf)
+        narrow, pace = reactions.contact_distance[k] - reactions.size[k] + walkers.radius[k], max(length(px, py), 1e-6)
         if _is_approached(reactions, k, robot, _APPROACH_SPEED) or _has_room(
-            solids, robot, reactions.robot_direction[k], distance, walkers.radius[k]
+            solids, robot, px / pace, py / pace, narrow, walkers.radius[k]
         ):
             vx, vy, passing_side = evasive_velocity(
                 x, y, px, py, robot[VX], robot[VY], distance, reactions.passing_side[k], side, reactions.walls[:walls]
             )
         else:  # in a door: it waits before the robot
-            pace = max(length(x, y) - distance - _WAITING_GAP, 0.0) / _WAITING_TIME
-            scale = min(pace / max(length(px, py), 1e-6), 1.0)
+            scale = min(max(length(x, y) - distance - _WAITING_GAP, 0.0) / (_WAITING_TIME * pace), 1.0)
             vx, vy = px * scale, py * scale
-    reactions.passing_side[k] = passing_side
+    if is_walking:
+        reactions.passing_side[k] = passing_side
     avoiding = reactions.notices[k] and is_walking
     if avoiding and reactions.kind[k] == CURIOUS and reactions.faces_robot[k]:
         # Curious pedestrians do not evade a robot that they approach, unless it comes towards them fast.
@@ -289,13 +298,19 @@ def adjust_course(
 
 
 @subroutine
-def _has_room(solids: Solids, robot: Array, direction: Array, distance: float, radius: float) -> bool:
-    """Whether a body of a radius, m, could pass at a distance, m, on one side of a robot that stands in a direction."""
-    ux, uy = direction[0] * distance, direction[1] * distance
+def _has_room(solids: Solids, robot: Array, ux: float, uy: float, distance: float, radius: float) -> bool:
+    """Whether a body of a radius, m, could pass a robot at a distance of centres, m, on one side of it.
+
+    Args:
+        solids: walls and furniture.
+        robot: columns of `core.state`.
+        ux, uy: unit vector of the course.
+        distance, radius: of a body that passes sideways.
+    """
     for n in range(2):
         side = 1.0 - 2.0 * n
-        x, y = robot[X] - uy * side, robot[Y] + ux * side
-        if not is_blocked(solids, radius, 0.0, x - ux, y - uy, x + ux, y + uy):
+        x, y = robot[X] - uy * side * distance, robot[Y] + ux * side * distance
+        if not is_blocked(solids, radius, 0.0, x - ux * radius, y - uy * radius, x + ux * radius, y + uy * radius):
             return True
     return False
 
@@ -358,7 +373,8 @@ def apply_adjustment(
 @subroutine
 def robot_repulsion(reactions: Reactions, k: int, x: float, y: float, robot_x: float, robot_y: float) -> Vector:
     """Repulsion of pedestrian k at (x, y) from the robot's outline, m/s^2."""
-    if not reactions.notices[k]:
+    is_pushed = reactions.weight[k] > 0.0 and reactions.gap[k] < _DECAY_LENGTH  # perhaps from behind
+    if not (reactions.notices[k] or is_pushed):
         return 0.0, 0.0
     dx, dy = x - robot_x, y - robot_y
     distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
@@ -374,24 +390,25 @@ def step_aside(
     """Where a standing pedestrian stands with the robot near: beside (x, y), m, if the robot would come too near.
 
     Args:
-        reactions: after `notice_robot`.
+        reactions: after `notice_robot`; `passing_side` keeps the side of the robot's way to which it steps.
         k: index of the pedestrian.
         robot: columns of `core.state`.
         x, y: its place without the robot, m.
         radius: half the depth of its body, m.
-        side: of the rules, +1 or -1: to which it steps where both are equal.
+        side: of the rules, +1 or -1: to the robot's left or right, where both are equal.
         solids: walls and furniture.
     """
     speed = length(robot[VX], robot[VY])
-    if not reactions.notices[k] or speed < _APPROACH_SPEED:
-        return x, y
-    ux, uy, dx, dy = robot[VX] / speed, robot[VY] / speed, x - robot[X], y - robot[Y]
+    ux, uy, dx, dy = robot[VX] / max(speed, 1e-6), robot[VY] / max(speed, 1e-6), x - robot[X], y - robot[Y]
     ahead, aside = dx * ux + dy * uy, ux * dy - uy * dx  # of the robot, and to the left of its way
     distance = reactions.contact_distance[k] + reactions.clearance[k]
-    if ahead < -distance or ahead > distance + speed * _WARNING or abs(aside) >= distance:
+    is_far = ahead < -distance or ahead > distance + speed * _WARNING or abs(aside) >= distance
+    if not reactions.notices[k] or speed < _APPROACH_SPEED or is_far:
+        reactions.passing_side[k] = 0.0
         return x, y
-    left = aside > 0.0 if abs(aside) > 1e-3 else side < 0.0
+    if reactions.passing_side[k] == 0.0:
+        reactions.passing_side[k] = side if abs(aside) < 1e-3 else math.copysign(1.0, aside)
+    to = reactions.passing_side[k]
     _, room = nearest_within(solids, x, y, radius + 0.05 + _STEP_ASIDE)
-    step = min(distance - abs(aside), _STEP_ASIDE, max(room - radius - 0.05, 0.0))
-    step = reactions.weight[k] * (step if left else -step)
+    step = to * reactions.weight[k] * min(distance - to * aside, _STEP_ASIDE, max(room - radius - 0.05, 0.0))
     return x - uy * step, y + ux * step

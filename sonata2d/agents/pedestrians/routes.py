@@ -250,7 +250,7 @@ def _find_room_abreast(routes: Routes, humans: Array, is_present: BoolArray, che
 
 
 @subroutine
-def set_targets(routes: Routes, humans: Array, is_present: BoolArray) -> None:
+def set_targets(routes: Routes, humans: Array, is_present: BoolArray, solids: Solids) -> None:
     """Set the targets to the present waypoints, and find the pedestrians that are about to stay or to leave."""
     for n in range(routes.walkers[0]):
         k = routes.order[n]
@@ -276,12 +276,12 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray) -> None:
             routes.is_exiting[k]
             and routes.goals_left[k] == 0
             and is_last
-            and _has_passed(routes, k, humans[k, X], humans[k, Y])
+            and _has_passed(routes, k, humans[k, X], humans[k, Y], solids)
         )
 
 
 @subroutine
-def _has_passed(routes: Routes, k: int, x: float, y: float) -> bool:
+def _has_passed(routes: Routes, k: int, x: float, y: float, solids: Solids) -> bool:
     """Whether pedestrian k at (x, y) has reached the end of its path, or walked past it."""
     n = routes.length[k] - 1
     dx, dy = x - routes.path[k, n, 0], y - routes.path[k, n, 1]
@@ -294,7 +294,8 @@ def _has_passed(routes: Routes, k: int, x: float, y: float) -> bool:
         before -= 1
     last = routes.path[k, max(before, 0)]
     ux, uy = unit_or(routes.path[k, n, 0] - last[0], routes.path[k, n, 1] - last[1], 1e-3, 0.0, 0.0)
-    return bool(dx * ux + dy * uy > 0.0 and abs(ux * dy - uy * dx) < _PASSING_DISTANCE)
+    is_past = dx * ux + dy * uy > 0.0 and abs(ux * dy - uy * dx) < _PASSING_DISTANCE
+    return is_past and not is_crossed(solids, x, y, x - dx, y - dy)
 
 
 @subroutine
@@ -311,7 +312,8 @@ def keep_lanes(routes: Routes, walkers: Walkers, check_line: Ints, space: Any) -
     """
     for k in range(len(walkers.walks)):
         n = routes.next[k]
-        if not walkers.walks[k] or n < 0 or n >= routes.length[k] - 1:
+        follows = routes.leader[k] != k and routes.is_abreast[k]  # beside the leader
+        if not walkers.walks[k] or follows or n < 0 or n >= routes.length[k] - 1:
             continue
         x, y = routes.path[k, n, 0], routes.path[k, n, 1]
         ux, uy = unit_or(x - walkers.position[k, 0], y - walkers.position[k, 1], 1e-3, 0.0, 0.0)

@@ -78,7 +78,7 @@ def plan_path(packed_state: Any, k: int, x: float, y: float, end_x: float, end_y
     Args:
         packed_state: packed `CrowdState`.
         k: index of the pedestrian. The paths of one that ignores the robot do not lead round robots that stand, until
-            it has walked into one.
+            it touches one.
         x, y, end_x, end_y: start and destination, m.
         route: (R, 2), output: points of the path, m.
 
@@ -86,12 +86,12 @@ def plan_path(packed_state: Any, k: int, x: float, y: float, end_x: float, end_y
         Number of points; 0 if there is no path.
     """
     crowd = unpack(packed_state, CrowdState)
-    is_blind = crowd.reactions.weight[k] == 0.0 and robot_stands(crowd.obstacles)
-    is_blind = is_blind and crowd.reactions.gap[k] > _TOUCHING
-    if is_blind:
+    ignores_robots = crowd.reactions.weight[k] == 0.0 and robot_stands(crowd.obstacles)
+    ignores_robots = ignores_robots and crowd.reactions.gap[k] > _TOUCHING
+    if ignores_robots:
         call(crowd.calls.find_obstacles, (crowd, False))
     count = _shorter_path(crowd, x, y, end_x, end_y, route)
-    if is_blind:
+    if ignores_robots:
         call(crowd.calls.find_obstacles, (crowd, True))
     return count
 

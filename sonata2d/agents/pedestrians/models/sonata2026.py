@@ -43,7 +43,7 @@ class Sonata2026(NamedTuple):
         wander: standard deviation of the angle by which a walker deviates from its direction, rad.
         pace_deviation: standard deviation of the logarithm of the factor by which it deviates from its desired speed.
         deviation_time: over which both deviations fall to 1/e, s.
-        crowd: number of strangers beside a walker that leave it half of its deviations.
+        crowd: sum of the weights of strangers around a walker, 1 for one beside it, at which its deviations are halved.
     """
 
     relaxation_time: float = 0.214
@@ -76,7 +76,7 @@ _FASTEST = 3.0  # m/s, more than people walk
 _LONGEST_PREDICTION = 10.0  # s, limit of the time to the closest approach
 _ROUNDING = 1e-3  # m, more than the rounding errors of a distance
 
-_NEAR = 1.0  # m, over which strangers count less in a crowd, by a factor of e
+_NEAR = 1.0  # m, distance over which the weight of a stranger in a crowd falls to 1/e
 
 # How a walker turns. Its velocity deviates from the heading of its body by 45 degrees at most; farther directions make
 # the body turn first. A walker that faces more than 60 degrees away slows down, and stands from 120 degrees on; one
@@ -538,14 +538,15 @@ def _accelerations(
         outline = (radius[i], walkers.shoulder[i], body[i, 0], body[i, 1])
         reach = radius[i] + walkers.shoulder[i] + p.turning_time * _FASTEST
         walls = near[: fill_walls(near, walkers, i, barriers, outline, p.turning_time, reach)]
-        haste = p.wall_strength * min(pace[i] / BRISK_PACE, 1.0)  # those who squeeze through a gap are not pushed out
+        # Headways slow walkers down; the forces only turn them. Of the walls on each side the strongest push counts, in
+        # however many pieces a wall is drawn.
+        left, from_left, from_right = ex * push_y - ey * push_x, 0.0, 0.0
         for w in range(len(walls)):
-            push = haste * exp(-walls[w, 2] * p.turning_time / p.proximity_length)
-            push_x, push_y = push_x - push * walls[w, 0], push_y - push * walls[w, 1]
-        # Headways slow walkers down; the forces only turn them.
-        along = push_x * ex + push_y * ey
-        share = p.turning_time / turning_time
-        push_x, push_y = share * (push_x - along * ex), share * (push_y - along * ey)
+            push = exp(-walls[w, 2] * p.turning_time / p.proximity_length) * (ex * walls[w, 1] - ey * walls[w, 0])
+            from_left, from_right = max(from_left, push), min(from_right, push)
+        left -= p.wall_strength * min(pace[i] / BRISK_PACE, 1.0) * (from_left + from_right)
+        left *= p.turning_time / turning_time
+        push_x, push_y = -ey * left, ex * left
         gx, gy, group_pace = group_velocity(walkers, i, memory.looseness, side, p)
         x, y, speed = steer(path[:count], walls, (ex, ey), wanted, time_gap, side, p, value)
         walkers.steering[i, 0], walkers.steering[i, 1] = x, y
