@@ -85,6 +85,7 @@ def test_a_walker_squeezes_through_a_gap_that_is_hardly_wider_than_its_body(widt
     assert path[-1, 0, 0] > 1.0
 
 
+@pytest.mark.usefixtures("no_deviations")
 def test_people_pass_a_gap_of_40_cm_in_both_directions() -> None:
     people = [*facing_door(2, -1), *facing_door(2, 1, 3)]
     path = positions(simulate(two_rooms(0.4, people, robot=CORNER), 25.0))
