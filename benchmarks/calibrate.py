@@ -83,7 +83,7 @@ def module(path: str) -> Any:
 
 
 class Protocols(NamedTuple):
-    """What evaluates the parameters: paths of the two protocols and of the recordings."""
+    """Paths of the two protocols that evaluate the parameters, and of the recordings."""
 
     realism: str
     walks: str
@@ -205,10 +205,16 @@ def _replay(protocol: Any, path: str, name: str, chosen: slice) -> dict[str, flo
     return found | {f"{name} contacts": row["contacts"] / 2.0, f"{name} walls": row["wall_hits"] / 0.5}
 
 
+@cache
+def _recorded(path: Path, seconds: float) -> free_runs.Tracks:
+    """`free_runs.recorded`, read once."""
+    return free_runs.recorded(path, seconds)
+
+
 def _free(path: Path, name: str, seed: int) -> dict[str, float]:
     """A free run: AUC, speed, people in view, and how much people vary on their way."""
     seconds, auc = FREE[name]
-    real, run = free_runs.recorded(path, seconds), free_runs.simulated(path, seconds, seed)
+    real, run = _recorded(path, seconds), free_runs.simulated(path, seconds, seed)
     found = {f"{name} AUC": free_runs.judge(real, run)[0] / auc}
     for what, tolerance, own, theirs in zip(
         ("free speed", "in view"), (0.08, 0.15), free_runs.scene_means(run), free_runs.scene_means(real), strict=True

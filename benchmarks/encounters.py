@@ -4,7 +4,7 @@
 
 Replays each recorded encounter: the robot on its recorded track, each person from the recorded start to the recorded
 end at the recorded speed. ENCOUNTERS.csv has the columns `encounter, who, t, x, y`, with the robot or a number in
-`who`, s and m; such encounters are in the Zucker data set (Day & Karamouzas, IEEE RA-L 2024, arXiv 2307.08668). Prints,
+`who`, s and m. The Zucker data set has such encounters (Day & Karamouzas, IEEE RA-L 2024, arXiv 2307.08668). Prints,
 for recorded and simulated people, the least distance of the centres, the swerve from the straight line and the hardest
 braking; Wasserstein-1 distances between both, and between two halves of the recorded ones; and the share of encounters,
 nearer than 1.5 m, that are passed on the side of the recorded person.

@@ -163,7 +163,7 @@ def told_apart(values: Array, is_simulated: Array, frame: Array, middle: float) 
 
 
 def within(tracks: Tracks) -> list[float]:
-    """How much people vary on their way: %, degrees, correlation after 1.2 s, stops in a minute of walking."""
+    """Variation along the way: speed, %, course, degrees, correlation after 1.2 s, stops in a minute of walking."""
     speeds, courses, kept, stops, walked = [], [], [], 0, 0.0
     for track in tracks.values():
         if len(track.position) < LENGTH + 1:

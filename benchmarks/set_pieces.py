@@ -1,14 +1,15 @@
-"""How people react to a robot in scenes made for one question each; prints a row for each scene.
+"""Reactions of people to a robot in scenes that each test one behaviour; prints a row for each scene.
 
     python benchmarks/set_pieces.py [--seeds 10] [--only NAME]
 
-- blocked door: the robot stands in a door of 0.8 m for 15 s. How far the person walks who waits, and how much it turns.
+- blocked door: the robot stands in a door of 0.8 m for 15 s. Path and turning of the person who waits.
 - door from both sides: robot and person meet at a door of 0.8 m; the robot waits until the person is through.
-- talking group: the robot drives through four people who talk; how many make room, or turn, within 2 s of its arrival.
-- overtaking: the robot overtakes a person on the same line; how far the person swerves.
-- following: the robot follows a person at 1 m; how often the person looks back.
-- crossing: the person comes early or late to the crossing; who goes first.
-- reactions: 99th percentile of the acceleration of people who avoid the robot, stop for it, are curious or scared.
+- talking group: the robot drives through four people who talk. Share of those in its way who move, or turn their body,
+  within 2 s of its arrival. Heads do not count, since people who talk look from face to face.
+- overtaking: the robot overtakes a person on the same line. Swerve of the person from this line.
+- following: the robot follows a person at 1 m for 10 s. Time for which the person looks back.
+- crossing: the person reaches the crossing before or after the robot. Share of persons who cross first.
+- reactions: 99th percentile of the acceleration of people with each of the reactions.
 """
 
 from __future__ import annotations
@@ -102,8 +103,7 @@ def talking_group(seed: int) -> dict[str, float]:
         near = int((distance < 1.5).argmax())
         part = own[max(near - 20, 0) : near + 20]
         moved = np.hypot(*(part[:, :2] - own[0, :2]).T).max()
-        cosines = [part[:, column : column + 2] @ own[0, column : column + 2] for column in (4, 6)]  # body and head
-        turned = np.degrees(np.arccos(np.clip(cosines, -1, 1))).max()
+        turned = np.degrees(np.arccos(np.clip(part[:, 4:6] @ own[0, 4:6], -1, 1))).max()
         reacted += moved > 0.15 or turned > 20.0
     return {"react": reacted / max(met, 1)}
 

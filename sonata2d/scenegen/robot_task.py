@@ -119,17 +119,20 @@ def _drawn_task(
     """
     paths, sample_point = path_segments(config.people), layout.plan.sample_point
     pose, position = config.robot.pose, config.goal.position
-    found = None
+    chosen = None
     for attempt in range(config.max_attempts):
         start = Pose(*(pose or (*sample_point(rng), rng.uniform(-PI, PI)))).rounded()
         goal = Pose(*(position or sample_point(rng))).rounded()
-        is_better = found is None or not _is_in_the_way(config, paths, start)
-        if is_better and _is_feasible(config, layout, space, paths, start, goal):
-            found = start, goal
-        if found is not None and (attempt >= config.max_attempts // 2 or not _is_in_the_way(config, paths, found[0])):
+        if _is_feasible(config, layout, space, paths, start, goal):
+            is_clear = not _is_in_the_way(config, paths, start)
+            if is_clear or chosen is None:
+                chosen = start, goal
+            if is_clear:
+                break
+        if chosen is not None and attempt >= config.max_attempts // 2:
             break
-    if found is not None:
-        return _create_robot(config, found[0]), _create_goal(config, found[1], rng)
+    if chosen is not None:
+        return _create_robot(config, chosen[0]), _create_goal(config, chosen[1], rng)
     fewer = "fewer humans and robots" if config.robots else "fewer humans"
     last = "set robot.on_ways to null" if config.robot.on_ways is not None else "make the robot smaller"
     raise SceneError(

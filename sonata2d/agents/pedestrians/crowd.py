@@ -429,8 +429,7 @@ def _react(crowd: CrowdState, humans: Array, is_present: BoolArray) -> None:
             continue
         if not any_notices:
             reactions.delay[k] = max(reactions.delay[k] - 0.5 * dt, 0.0)
-            for axis in range(2):
-                reactions.wanted[k, axis] = walkers.velocity[k, axis]
+            reactions.wanted[k, 0], reactions.wanted[k, 1] = walkers.velocity[k, 0], walkers.velocity[k, 1]
         elif adjust_course(
             reactions, k, robots.state[reactions.robot[k]], walkers, direction[k, 0] * speed[k],
             direction[k, 1] * speed[k], speed[k], social.is_walking[k], crowd.obstacles.solids,

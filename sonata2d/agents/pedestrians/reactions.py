@@ -279,9 +279,8 @@ def adjust_course(
         vx, vy = px, py
     dx, dy = vx - px, vy - py
     is_delayed = avoiding and dx * dx + dy * dy > 0.01
-    if is_delayed:  # afterwards its velocity goes on from what it is
-        for axis in range(2):
-            reactions.wanted[k, axis] = walkers.velocity[k, axis]
+    if is_delayed:  # the reaction then continues from the present velocity
+        reactions.wanted[k, 0], reactions.wanted[k, 1] = walkers.velocity[k, 0], walkers.velocity[k, 1]
     delay = reactions.delay[k] + (dt if is_delayed else -0.5 * dt)
     reactions.delay[k] = min(max(delay, 0.0), _MAXIMUM_DELAY)
     if not (reactions.notices[k] and is_walking):

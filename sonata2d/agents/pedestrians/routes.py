@@ -16,7 +16,7 @@ from ...core.compiled.packing import Bools, Floats2, Floats3, Ints
 from ...core.compiled.scalar import Vector, exp, length, unit_or
 from ...core.humans import X, Y
 from ...core.portable_math import PI, Array, BoolArray
-from .models.base import Walkers
+from .models.base import Walkers, are_together
 
 ARRIVAL_DISTANCE = 0.5  # m from the goal
 EXIT_DISTANCE = 0.5  # m from the goal at which a pedestrian leaves
@@ -31,8 +31,8 @@ _TURNING, _BRAKING = 1.0, 1.0  # m/s^2, lateral and longitudinal, of a walker th
 _CHECK_INTERVAL = 5  # ticks between checks whether paths are still free
 _PROGRESS_INTERVAL = 30  # ticks in which a wandering pedestrian must make progress, else it chooses a new destination
 _MINIMUM_PROGRESS = 0.4  # m
-# How far beside a corner a walker aims, m, for each stranger who walks on the inside; the largest and smallest such
-# shift, m; the cosine of the largest angle between walkers of one stream; the sine of the smallest turn at a corner.
+# Distance from a corner at which a walker aims, m, per stranger on the inner side; largest and smallest such distance,
+# m; cosine of the largest angle between walkers of one stream; sine of the smallest turn that is a corner.
 _LANE, _WIDEST_SHIFT, _NARROWEST_SHIFT, _SAME_WAY_COSINE, _CORNER = 1.6, 2.0, 0.03, 0.5, 0.1
 MOST_WAYPOINTS = 32  # in a row of `Routes.path`
 _ROOM_AHEAD = 1.5  # m, free distance that a follower needs to walk beside its leader, and a walker to turn at a corner
@@ -284,18 +284,16 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray, solids: So
 def _has_passed(routes: Routes, k: int, x: float, y: float, solids: Solids) -> bool:
     """Whether pedestrian k at (x, y) has reached the end of its path, or walked past it."""
     n = routes.length[k] - 1
-    dx, dy = x - routes.path[k, n, 0], y - routes.path[k, n, 1]
-    if dx * dx + dy * dy < EXIT_DISTANCE * EXIT_DISTANCE:
+    end_x, end_y = routes.path[k, n, 0], routes.path[k, n, 1]
+    if is_near(x, y, end_x, end_y, EXIT_DISTANCE):
         return True
-    before = n - 1  # the end of a path may be a short step to the side, off an obstacle
-    while before > 0 and is_near(
-        routes.path[k, before, 0], routes.path[k, before, 1], routes.path[k, n, 0], routes.path[k, n, 1], _SHORT_LEG
-    ):
+    before = max(n - 1, 0)  # the end of a path may be a short step to the side, off an obstacle
+    while before > 0 and is_near(routes.path[k, before, 0], routes.path[k, before, 1], end_x, end_y, _SHORT_LEG):
         before -= 1
-    last = routes.path[k, max(before, 0)]
-    ux, uy = unit_or(routes.path[k, n, 0] - last[0], routes.path[k, n, 1] - last[1], 1e-3, 0.0, 0.0)
+    ux, uy = unit_or(end_x - routes.path[k, before, 0], end_y - routes.path[k, before, 1], 1e-3, 0.0, 0.0)
+    dx, dy = x - end_x, y - end_y
     is_past = dx * ux + dy * uy > 0.0 and abs(ux * dy - uy * dx) < _PASSING_DISTANCE
-    return is_past and not is_crossed(solids, x, y, x - dx, y - dy)
+    return is_past and not is_crossed(solids, x, y, end_x, end_y)
 
 
 @subroutine
@@ -338,7 +336,7 @@ def _inside(walkers: Walkers, k: int, ux: float, uy: float, side: float) -> floa
     total = 0.0
     for n in range(walkers.neighbour_start[k], walkers.neighbour_start[k + 1]):
         j = walkers.neighbour[n]
-        if not walkers.walks[j] or (walkers.group[k] >= 0 and walkers.group[k] == walkers.group[j]):
+        if not walkers.walks[j] or are_together(walkers, k, j):
             continue
         if ux * walkers.desired_direction[j, 0] + uy * walkers.desired_direction[j, 1] < _SAME_WAY_COSINE:
             continue

@@ -90,7 +90,7 @@ def evasive_velocity(
     cosine = math.sqrt(1.0 - sine * sine)
     behind = px * disc_vy - py * disc_vx  # > 0: the disc moves to the left, so the right is behind it
     own = length(preferred_x, preferred_y)
-    # (x, y), and the cost of a change across it: those who stand step to any side
+    # Unit vector of the course, and relative cost of a change across it; all directions cost the same at rest.
     cost_x, cost_y = (preferred_x / own, preferred_y / own) if own > 1e-6 else (px, py)
     metric = (cost_x, cost_y, 1.0 + (_SWERVING - 1.0) * min(own / _WALKING_SPEED, 1.0))
     retreat = (centre_distance - distance) * _RETREAT_RATE

@@ -36,9 +36,7 @@ from ..wayfinding import (
 )
 
 _DETOUR = 1.3  # largest ratio of the lengths of a path with room and of a path without, at which the first is preferred
-
-
-_TOUCHING = 0.1  # m, gap to a robot that the pedestrian has walked into
+_TOUCHING = 0.1  # m, largest gap to a robot that a pedestrian touches
 
 
 @subroutine

@@ -156,7 +156,7 @@ def advance_tasks(packed_state: Any, tick: int) -> None:
 
 @kernel
 def find_obstacles(packed_state: Any, with_robots: bool) -> None:
-    """Find the obstacles that people are, and robots that stand, unless a pedestrian ignores them."""
+    """Update the obstacles of paths: people who stand and, for people who do not ignore them, robots that stand."""
     crowd = unpack(packed_state, CrowdState)
     update_obstacles(crowd.obstacles, crowd.robots, crowd.company, crowd.is_present, with_robots)
 

@@ -235,6 +235,12 @@ _STANDING_LIMIT = 1.5  # m/s^2, so that a pedestrian that stops to stand brakes 
 
 
 @subroutine
+def are_together(walkers: Walkers, i: int, j: int) -> bool:
+    """Whether two agents are members of one group."""
+    return bool(walkers.group[i] >= 0 and walkers.group[i] == walkers.group[j])
+
+
+@subroutine
 def standing_acceleration(
     x: float, y: float, vx: float, vy: float, standing_x: float, standing_y: float, body_x: float, body_y: float
 ) -> Vector:

@@ -13,11 +13,11 @@ from ....core.compiled.scalar import Vector, clipped, exp, length, rotation, tur
 from ....core.philox import first_words
 from ....core.portable_math import PI, Array, unit_vectors
 from ....core.scene import Scene
-from .base import KernelModel, Walkers, fill_walls
+from .base import KernelModel, Walkers, are_together, fill_walls
 
 
 class Sonata2026(NamedTuple):
-    """Parameters, all found by `benchmarks/calibrate.py`.
+    """Parameters; `docs/realism.md` says how they were found.
 
     Attributes:
         relaxation_time: time constant of the speed along the chosen direction, s.
@@ -214,12 +214,6 @@ def anticipation_acceleration(
     return push * fx, push * fy
 
 
-@subroutine
-def _are_together(walkers: Walkers, i: int, j: int) -> bool:
-    """Whether two agents are members of one group."""
-    return bool(walkers.group[i] >= 0 and walkers.group[i] == walkers.group[j])
-
-
 MAXIMUM_GROUP_DISTANCE = 1.0  # m; a larger deviation from the formation pulls no harder
 WAITING_LAG = 0.75  # m, beyond the tolerance: members ahead slow down from there on, and wait from twice of it on
 FORMATION_TOLERANCE = 1.0 / 3.0  # of the spacing: real groups are not exactly abreast, and not exactly spaced
@@ -258,7 +252,7 @@ def group_velocity(
     for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
         j = walkers.neighbour[n]
         turned = ex * walkers.desired_direction[j, 0] + ey * walkers.desired_direction[j, 1] < 0.0
-        if _are_together(walkers, i, j) and not turned:
+        if are_together(walkers, i, j) and not turned:
             dx, dy = walkers.position[j, 0] - walkers.position[i, 0], walkers.position[j, 1] - walkers.position[i, 1]
             cx, cy, count = cx + dx, cy + dy, count + 1.0
             aside = ex * dy - ey * dx  # to the left
@@ -466,7 +460,7 @@ def deviate(memory: Memory, i: int, keep: float) -> None:
 
 @subroutine
 def own_course(walkers: Walkers, i: int, memory: Memory, parameters: Sonata2026) -> tuple[float, float]:
-    """By how much agent i deviates from its direction, rad, and the factor of its desired speed.
+    """Angle by which agent i deviates from its direction, rad, and factor of its desired speed.
 
     Members of a group share the deviations of the first one that walks near by, so that they stay together. In a
     crowd a walker goes where others leave room: its deviations fade.
@@ -474,7 +468,7 @@ def own_course(walkers: Walkers, i: int, memory: Memory, parameters: Sonata2026)
     p, lead, crowd = parameters, i, 0.0
     for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
         j = walkers.neighbour[n]
-        if not _are_together(walkers, i, j):
+        if not are_together(walkers, i, j):
             dx, dy = walkers.position[j, 0] - walkers.position[i, 0], walkers.position[j, 1] - walkers.position[i, 1]
             crowd += walkers.attention[n] * exp(-length(dx, dy) / _NEAR)
         elif walkers.walks[j]:
@@ -497,7 +491,7 @@ def _accelerations(
     path, value, pace = np.empty((len(position), 7)), np.empty(len(ANGLES)), np.empty(len(position))
     near = np.empty((len(barriers), 3))
     keep = exp(-dt / p.deviation_time)
-    relaxation_time, turning_time = max(p.relaxation_time, dt), max(p.turning_time, dt)  # stable also in long ticks
+    tau, turning_time = max(p.relaxation_time, dt), max(p.turning_time, dt)  # stable also in long ticks
     for i in range(len(position)):
         pace[i] = length(velocity[i, 0], velocity[i, 1])
     for i in range(len(position)):
@@ -517,7 +511,7 @@ def _accelerations(
                 continue
             dx, dy, contact = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1], radius[j] + radius[i]
             alignment = direction[j, 0] * ex + direction[j, 1] * ey
-            members += _are_together(walkers, i, j)
+            members += are_together(walkers, i, j)
             bodies = (contact, walkers.shoulder[i], body[i, 0], body[i, 1], walkers.shoulder[j], body[j, 0], body[j, 1])
             ux, uy = velocity[j, 0] - velocity[i, 0], velocity[j, 1] - velocity[i, 1]
             x, y = anticipation_acceleration(dx, dy, ux, uy, weight * politeness, bodies, side, p)
@@ -554,7 +548,6 @@ def _accelerations(
         speed *= group_pace
         own_velocity = (velocity[i, 0], velocity[i, 1])
         along = gx * x + gy * y
-        tau = relaxation_time
         drive = desired_change(own_velocity, (x, y), speed, along / tau, tau, turning_time, dt)
         # Each member of a group evades less, so that the group keeps its formation, and others walk round it.
         ax = drive[0] + (gx - along * x) / tau + push_x / members
