@@ -16,6 +16,7 @@ import hypothesis
 import numpy as np
 import pytest
 
+from sonata2d.agents.pedestrians import crowd, idling
 from sonata2d.agents.pedestrians.models import sonata2026
 from sonata2d.core.compiled import kernel as compiled
 from sonata2d.core.entities import Furniture, Goal, Human, Limits, Robot, Wall
@@ -121,6 +122,18 @@ def room(
 def no_deviations(monkeypatch: pytest.MonkeyPatch) -> None:
     """Walkers of the default model keep direction and speed; otherwise they deviate at random, from tick to tick."""
     monkeypatch.setattr(sonata2026, "PARAMETERS", sonata2026.PARAMETERS._replace(wander=0.0, pace_deviation=0.0))
+
+
+@pytest.fixture
+def motionless(monkeypatch: pytest.MonkeyPatch) -> None:
+    """People who stand keep still; otherwise they change their posture and look round at random."""
+
+    def never(count: int) -> idling.Idling:
+        return idling.initial_idling(count)._replace(
+            posture_until=np.full(count, 1 << 40), look_until=np.full(count, 1 << 40)
+        )
+
+    monkeypatch.setattr(crowd, "initial_idling", never)
 
 
 def walker(number: int, x: float, y: float, theta: float = 0.0, **fields: object) -> Human:

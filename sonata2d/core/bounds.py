@@ -10,6 +10,8 @@ from .files.limits import MAX_COUNT, MAX_ID, MAX_SUBSTEPS
 
 MAX_MAGNITUDE = 1e11  # beyond it a double no longer resolves the precision of files
 
+ADDITIVE = {"additive": True}  # metadata of fields that files hold only where they differ from the default
+
 Number = Annotated[float, Ge(-MAX_MAGNITUDE), Le(MAX_MAGNITUDE)]
 Positive = Annotated[float, Gt(0), Le(MAX_MAGNITUDE)]
 NotNegative = Annotated[float, Ge(0), Le(MAX_MAGNITUDE)]

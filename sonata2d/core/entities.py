@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
-from .bounds import Capacity, Count, Fraction, Id, NotNegative, Number, Positive
+from .bounds import ADDITIVE, Capacity, Count, Fraction, Id, NotNegative, Number, Positive
 from .geometry import Disc, Point, Pose, Rectangle, Shape, Stadium, quantised
 from .vectors import wrap_angle
 
@@ -189,6 +189,8 @@ class Human:
             the heading; a disc if `breadth` is not more than 2 `radius`.
         headway: factor of the time gap that the pedestrian keeps to those ahead.
         politeness: factor of the strength with which the pedestrian avoids others.
+        pre_movement: time for which the pedestrian stands before it walks for the first time, s.
+        reaction_time: from the moment at which a robot comes into view until the pedestrian reacts to it, s.
     """
 
     id: Id
@@ -213,6 +215,8 @@ class Human:
     breadth: Positive = PERSON_BREADTH
     headway: Positive = 1.0
     politeness: NotNegative = 1.0
+    pre_movement: NotNegative = field(default=0.0, metadata=ADDITIVE)
+    reaction_time: NotNegative = field(default=0.0, metadata=ADDITIVE)
 
     @property
     def shoulder(self) -> float:
@@ -297,7 +301,6 @@ class Limits:
     turn_acceleration: Positive = 3.0
 
 
-ADDITIVE = {"additive": True}  # metadata of fields that files hold only where they differ from the default
 _FORWARD_ONLY = ("unicycle", "differential", "bicycle")  # built-in drives without sideways motion
 
 

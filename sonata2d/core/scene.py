@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .bounds import Fraction, NotNegative, Positive, Steps
+from .bounds import ADDITIVE, Fraction, NotNegative, Positive, Steps
 from .drawable import Drawable
 from .entities import (
     ROBOT_ID,
@@ -82,7 +82,8 @@ class Social:
         visits: probability that it goes to a free plant, laptop, shelf, TV or other object and attends to it for
             `visit_time`.
         joins: probability that it joins a standing pedestrian or a talking group for `talk_time`.
-        meets: probability that two wandering pedestrians that approach each other stop and talk for `talk_time`.
+        meets: probability that two pedestrians that approach each other stop and talk for `talk_time`: wandering ones,
+            and walking ones, which then go on to their goals. Members of groups do not.
         leaves: probability that a pedestrian that attends to another one or to an object at the start goes away once
             this time is over.
         visit_time, talk_time: shortest and longest duration, s.
@@ -93,6 +94,12 @@ class Social:
         sit_time: shortest and longest duration, s.
         pause: shortest and longest time that a wandering pedestrian, or a walking group, stands at its destination, s;
             a place of interest has its own time.
+        stops: mean number of stops of a pedestrian, or of a group that walks together, in a minute of walking: it
+            stands where it disturbs nobody, and then goes on to its destination.
+        stop_time: shortest and longest duration of a stop, s; half of the stops last less than the shortest time and
+            an eighth of the difference.
+        detours: standard deviation of the distance at which pedestrians pass beside the middle of their way, as a
+            fraction of its length: on straight ways of 3 m and more they walk by a via point.
     """
 
     visits: Fraction = 0.0
@@ -106,6 +113,9 @@ class Social:
     exits: Fraction = 0.0
     sit_time: tuple[Positive, Positive] = (20.0, 90.0)
     pause: tuple[NotNegative, NotNegative] = (0.0, 0.0)
+    stops: NotNegative = field(default=0.0, metadata=ADDITIVE)
+    stop_time: tuple[Positive, Positive] = field(default=(1.2, 20.0), metadata=ADDITIVE)
+    detours: Fraction = field(default=0.0, metadata=ADDITIVE)
 
     @property
     def is_lively(self) -> bool:

@@ -25,6 +25,7 @@ from ..scenegen.scenario.people import path_segments
 from ..scenegen.scenario.sections import GoalConfig
 from . import estimates
 from .format import Options
+from .tracks.habits import Habits, habits_of, stands_at_ends
 from .tracks.judgement import TrackSummary
 from .tracks.observations import Track
 from .tracks.reading import read_tracks
@@ -36,6 +37,7 @@ _WALKING_SPEED = 0.3  # m/s; slower steps are not used to estimate the desired s
 _STANDING_RADIUS = 0.5  # m; a pedestrian who never leaves this circle around the first position stands
 _MINIMUM_WALKING_TIME = 2.0  # s; a shorter walk does not show the desired speed
 _VELOCITY_WINDOW = 0.8  # s, over which the velocity at the start is averaged
+_END = 1.0  # s, before the end of the window: people who stand then stay there
 _ROUND_TRIP_DISTANCE = 2.0  # m; farther away than this and back to within half of it is a round trip
 _DESIRED_SPEED_RANGE = (0.3, 2.5)  # m/s
 
@@ -67,8 +69,9 @@ def scenario_from_tracks(
     """Make the scenario of a recording: its pedestrians, its walls, a room around them, and a robot.
 
     Replayed pedestrians are moved along their tracks. Simulated pedestrians start with the recorded position, time and
-    velocity, walk at their recorded mean speed towards the last recorded position, and leave there. Where bodies would
-    overlap at the start, they are moved apart by the few centimetres that this takes.
+    velocity, walk at their recorded mean speed towards the last recorded position, and leave there; they stop, and walk
+    by via points, as often and as far as the people of the recording do. Where bodies would overlap at the start, they
+    are moved apart by the few centimetres that this takes.
 
     Args:
         path: a track file in any layout that `import` reads.
@@ -148,10 +151,11 @@ def scenario_and_summary(
     begin = round(start / tracks.interval) * tracks.interval
     parts = _in_window(tracks.people, begin, begin + seconds, path)
     _check_replay_ids(set(replay), [part.id for part, _ in parts], path)
+    habits = habits_of([part for part, _ in parts], tracks.walls)
     rows = [
         _replayed_person(part, whole, speed)
         if (part.id in replay if replay else people == "replayed")
-        else _simulated_person(part, whole, seconds, speed)
+        else _simulated_person(part, whole, seconds, speed, habits)
         for part, whole in parts
     ]
     if tracks.desired_speed is not None:
@@ -173,6 +177,8 @@ def scenario_and_summary(
         "rules": {"time_limit": seconds},
         "people": rows,
     }
+    if any("goals" in row for row in rows) and habits.settings:
+        settings["social"] = habits.settings
     return _scenario(settings, path), summary
 
 
@@ -227,7 +233,7 @@ def _replayed_person(track: Track, whole: Track, default_speed: float | None) ->
     return {"id": track.id} | _group(track) | _desired_speed(whole, default_speed) | {"track": rows}
 
 
-def _simulated_person(track: Track, whole: Track, end: float, default_speed: float | None) -> JsonDict:
+def _simulated_person(track: Track, whole: Track, end: float, default_speed: float | None, habits: Habits) -> JsonDict:
     """Return the scenario row of a pedestrian who starts as recorded and walks to the recorded destination.
 
     Args:
@@ -235,6 +241,7 @@ def _simulated_person(track: Track, whole: Track, end: float, default_speed: flo
         whole: the whole track, for destination and desired speed.
         end: end of the time window, s; a pedestrian who stands until then does not leave.
         default_speed: desired speed if the track is too short to show it, m/s; None: it is drawn.
+        habits: of the people of the recording; a pedestrian who stands at first does so for a time like that of a stop.
     """
     enters = float(track.time[0])
     row: JsonDict = {"id": track.id} | dict(zip("xy", map(quantised, track.position[0].tolist()), strict=True))
@@ -253,7 +260,14 @@ def _simulated_person(track: Track, whole: Track, end: float, default_speed: flo
     velocity = (track.position[last] - track.position[0]) / (track.time[last] - track.time[0])
     row["velocity"] = [quantised(v) for v in velocity.tolist()]
     row["goals"] = [[quantised(v) for v in goal.tolist()] for goal in goals]
-    return row | {"exits": True} | _group(track) | _desired_speed(whole, default_speed)
+    stands_at_first, stands_at_last = stands_at_ends(track)
+    if stands_at_first:
+        shortest = habits.stop_time[0]
+        row["pre_movement"] = [shortest, quantised(2.0 * habits.mean_stop - shortest)]
+    # Who stands when the window ends has not left.
+    if not (stands_at_last and whole.time[-1] - whole.time[0] + enters > end - _END):
+        row["exits"] = True
+    return row | _group(track) | _desired_speed(whole, default_speed)
 
 
 def _group(track: Track) -> JsonDict:

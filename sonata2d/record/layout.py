@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 import sysconfig
 from collections.abc import Iterable
+from dataclasses import fields
 from functools import cache
 from typing import Any, TypeVar
 
@@ -76,7 +77,7 @@ def scene_to_json(scene: Scene) -> JsonDict:
         "robot": _entity_to_json(scene.robot),
         "goal": _fields_of(scene.goal),
         **({"robots": [_other_to_json(other) for other in scene.robots]} if scene.robots else {}),
-        "social": _fields_of(scene.social) if scene.social != Social() else None,
+        "social": _entity_to_json(scene.social) if scene.social != Social() else None,
         "dropped": scene.dropped,
     }
     return {key: to_json_value(value, f"{key} of the scene", exact=True) for key, value in values.items()}
@@ -166,10 +167,10 @@ _LISTS: dict[str, tuple[str, type]] = {
 }
 
 
-# fields of entities that a file holds only where they are not None
-_ADDITIVE: dict[Any, frozenset[str]] = {
-    kind: frozenset(name for name, each in kind.__dataclass_fields__.items() if each.metadata.get("additive"))
-    for kind in (Robot,)
+# defaults of the fields of entities that a file holds only where they differ
+_ADDITIVE: dict[Any, dict[str, Any]] = {
+    kind: {each.name: each.default for each in fields(kind) if each.metadata.get("additive")}
+    for kind in (Robot, Human, Social)
 }
 _SHAPES: dict[str, type] = {"disc": Disc, "rectangle": Rectangle, "polygon": Polygon}
 _SHAPE_NAMES = {kind: name for name, kind in _SHAPES.items()}
@@ -177,17 +178,18 @@ _SHAPE_NAMES = {kind: name for name, kind in _SHAPES.items()}
 
 def _entity_to_json(entity: Any) -> JsonDict:
     """Return the fields of an entity; x, y and theta take the place of a pose."""
-    fields: JsonDict = {}
+    found: JsonDict = {}
     for key, value in _fields_of(entity).items():
-        if value is None and key in _ADDITIVE.get(type(entity), ()):
+        additive = _ADDITIVE.get(type(entity), {})
+        if key in additive and value == additive[key]:
             continue
         if isinstance(value, Pose):
-            fields |= _fields_of(value)
+            found |= _fields_of(value)
         elif type(value) in _SHAPE_NAMES:
-            fields[key] = {"type": _SHAPE_NAMES[type(value)]} | _fields_of(value)
+            found[key] = {"type": _SHAPE_NAMES[type(value)]} | _fields_of(value)
         else:
-            fields[key] = _fields_of(value) if isinstance(value, Limits) else value
-    return fields
+            found[key] = _fields_of(value) if isinstance(value, Limits) else value
+    return found
 
 
 def _entity_from_json(kind: type[T], values: JsonDict) -> T:
@@ -197,14 +199,16 @@ def _entity_from_json(kind: type[T], values: JsonDict) -> T:
         KeyError: a field is missing.
     """
     plain, others = _names_of(kind)  # type: ignore[arg-type]
-    fields = {name: _tuples(value) if type(value := values[name]) is list else value for name in plain}
+    found = {name: _tuples(value) if type(value := values[name]) is list else value for name in plain}
     for name in others:
         if name == "pose":
-            fields[name] = Pose(values["x"], values["y"], values["theta"])
-        elif (value := values.get(name) if name in _ADDITIVE.get(kind, ()) else values[name]) is not None:
+            found[name] = Pose(values["x"], values["y"], values["theta"])
+        elif name in _ADDITIVE.get(kind, ()) and values.get(name) is None:
+            continue
+        elif (value := values[name]) is not None:
             part = Limits if name == "limits" else _SHAPES[value["type"]] if name == "shape" else None
-            fields[name] = _tuples(value) if part is None else _entity_from_json(part, value)
-    return kind(**fields)
+            found[name] = _tuples(value) if part is None else _entity_from_json(part, value)
+    return kind(**found)
 
 
 @cache

@@ -89,8 +89,8 @@ def model_of(kind: type, name: str | None = None, /, **changed: Any) -> type[Par
         else:  # other dataclasses are objects in it
             types[key] = Annotated[hint, _FileForm()] if is_dataclass(hint) else hint
     keys: Any = {key: (hint, Field(description=descriptions.get(key))) for key, hint in types.items()}
-    for key in (field.name for field in fields(kind) if field.metadata.get("additive")):
-        keys[key] = types[key], Field(default=None, description=descriptions.get(key))
+    for each in (field for field in fields(kind) if field.metadata.get("additive")):
+        keys[each.name] = types[each.name], Field(default=each.default, description=descriptions.get(each.name))
     return create_model(name or kind.__name__, __base__=Part, __doc__=text, **keys)
 
 

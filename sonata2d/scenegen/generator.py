@@ -150,7 +150,7 @@ def _try_layout(
     )
     entities = number_entities([cluster for cluster, _ in drawn], humans, furniture, people, reactions)
     persons = zip(people.humans, config.people, strict=True)
-    listed = [reactions.assign(human, person.reaction) for human, person in persons]
+    listed = [reactions.assign(human, person) for human, person in persons]
     scene = Scene(
         name=config.name,
         family=f"{config.name}/{plan.kind}",

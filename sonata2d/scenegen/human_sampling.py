@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from ..core.entities import Behaviour, Human, Reaction
+from ..core.entities import Behaviour, Human
 from ..core.geometry import Pose, quantised
 from ..core.rng import RandomStream
+from .scenario.people import PersonSpec
 from .scenario.sections import PersonConfig
 
 
@@ -28,29 +29,37 @@ def draw_human(person: PersonConfig, behaviour: Behaviour, pose: Pose, rng: Rand
 
 
 class ReactionSampler:
-    """Draws the reaction of each pedestrian to the robot, and its clearance.
+    """Draws the times of each pedestrian, its reaction to the robot, and its clearance.
 
     Each pedestrian has its own random stream, so that these settings change nothing else in a scene.
 
     Args:
-        person: distributions of reactions and clearance.
+        person: distributions of times, reactions and clearance.
         seed: of the data set.
         episode: number of the episode in the data set.
     """
 
     def __init__(self, person: PersonConfig, seed: int, episode: int) -> None:
-        self._clearance, self._seed, self._episode = person.robot_clearance, seed, episode
+        self._person, self._seed, self._episode = person, seed, episode
         self._reactions, self._weights = list(person.reactions), list(person.reactions.values())
 
-    def assign(self, human: Human, reaction: Reaction | None = None, **changes: Any) -> Human:
-        """Return the pedestrian with its reaction and clearance; one that ignores the robot keeps that.
+    def assign(self, human: Human, given: PersonSpec | None = None, **changes: Any) -> Human:
+        """Return the pedestrian with its times, reaction and clearance; one that ignores the robot keeps that.
 
         Args:
-            human: without them.
-            reaction: None: drawn.
+            human: without them. One that enters later has no pre-movement time unless it is given.
+            given: settings of a pedestrian of the section `people`, which replace distributions.
             changes: other fields to replace, by name.
         """
         rng = RandomStream(self._seed, self._episode, "manners", changes.get("id", human.id))
-        clearance = quantised(self._clearance.draw(rng))
+        clearance = quantised(self._person.robot_clearance.draw(rng))
+        reaction = None if given is None else given.reaction
         chosen = rng.choice(self._reactions, self._weights) if reaction is None else reaction
+        pre_movement = None if given is None else given.pre_movement
+        reaction_time = None if given is None else given.reaction_time
+        if pre_movement is None and human.enters == 0:
+            pre_movement = self._person.pre_movement
+        if pre_movement is not None and human.behaviour in ("wandering", "walking"):
+            changes["pre_movement"] = quantised(pre_movement.draw(rng))
+        changes["reaction_time"] = quantised((reaction_time or self._person.reaction_time).draw(rng))
         return replace(human, reaction=chosen, robot_clearance=clearance, **changes)

@@ -57,7 +57,7 @@ def simulate(
     Returns:
         Positions (steps, N, 2), m; the first ones are dt after the start.
     """
-    scene = _scene_from_state(
+    scene = scene_from_state(
         initial_positions, initial_velocities, goals, desired_speeds, obstacles, groups,
         dt=dt, model=model, radius=radius, breadth=breadth, seed=seed,
     )  # fmt: skip
@@ -78,7 +78,7 @@ def _turned(human: Human, x: float, y: float) -> Human:
     return replace(human, pose=Pose(human.pose.x, human.pose.y, angle_of(y, x)))
 
 
-def _scene_from_state(
+def scene_from_state(
     positions: Array, velocities: Array, goals: Array, speeds: Array, obstacles: Array, groups: IntArray | None,
     *, dt: float, model: str, radius: float, breadth: float, seed: int,
 ) -> Scene:  # fmt: skip

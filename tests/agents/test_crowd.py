@@ -117,6 +117,7 @@ def test_a_lone_walker_passes_a_doorway_both_ways(width: float) -> None:
     assert (np.diff(np.sign(path[:, 0, 0])) != 0).sum() >= 2
 
 
+@pytest.mark.usefixtures("motionless")
 @pytest.mark.parametrize("is_closed", [False, True])
 def test_a_walker_between_walls_on_all_sides_stands(is_closed: bool) -> None:
     corners = ((1.3, 1.3), (2.7, 1.3), (2.7, 2.7), (1.3, 2.7), (1.3, 1.3))
@@ -143,6 +144,7 @@ def test_pedestrians_that_meet_head_on_pass_without_contact(y: float) -> None:
     assert snapshots[-1].humans.position[1, 0] < -0.8
 
 
+@pytest.mark.usefixtures("motionless")
 def test_standing_pedestrians_face_their_partners_and_return_when_pushed() -> None:
     humans = [Human(1, Pose(0.0, 0.0, 2.0)), Human(2, Pose(2.0, 0.0, 1.0)), Human(3, Pose(-1.0, 2.0, -1.0))]
     laptop = Furniture(9, "laptop", Pose(-1.0, 3.0), Rectangle(0.35, 0.25))

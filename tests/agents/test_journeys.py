@@ -97,6 +97,7 @@ def test_who_was_served_does_something_else_next() -> None:
 # Seats
 
 
+@pytest.mark.usefixtures("motionless")
 def test_a_seat_holds_one_person_who_faces_its_front_and_gets_up_again() -> None:
     people = [walker(k, 1.5 * k - 4.0, -2.0) for k in (1, 2, 3)]
     scene = room(people, [CHAIR], social=Social(sits=1.0, sit_time=(6.0, 6.0)), robot=CORNER, seed=1)
@@ -205,7 +206,7 @@ def test_a_group_enters_only_when_there_is_room_for_all() -> None:
 # Pauses and places
 
 
-@pytest.mark.usefixtures("no_deviations")
+@pytest.mark.usefixtures("motionless", "no_deviations")
 def test_wandering_people_stand_at_their_destinations_and_then_go_on() -> None:
     scene = room([walker(1, 0.0, 0.0), walker(2, 2.0, 2.0)], social=Social(pause=(3.0, 5.0)), robot=CORNER, seed=1)
     run = simulate(scene, 60.0)
@@ -220,6 +221,7 @@ def test_wandering_people_stand_at_their_destinations_and_then_go_on() -> None:
             assert np.ptp(path[15:], axis=0).max() < 0.15
 
 
+@pytest.mark.usefixtures("motionless")
 def test_a_walking_person_stays_at_its_goals_for_a_time_and_at_the_last_for_good() -> None:
     human = walker(1, -3.0, 0.0, behaviour="walking", goals=((0.0, 0.0), (3.0, 0.0)), stays=(4.0,))
     run = simulate(room([human], robot=CORNER), 15.0)

@@ -33,6 +33,7 @@ def speeds(snapshots: list[Snapshot]) -> Array:
     return np.linalg.norm([snapshot.humans.velocity for snapshot in snapshots], axis=2)
 
 
+@pytest.mark.usefixtures("motionless")
 def test_a_pedestrian_stops_at_its_goal_without_turning_back() -> None:
     snapshots = simulate(room([going(1, -3.0, 0.0, (2.0, 0.5))], robot=CORNER), 10.0)
     path, speed = positions(snapshots)[:, 0], speeds(snapshots)[:, 0]
@@ -45,6 +46,7 @@ def test_a_pedestrian_stops_at_its_goal_without_turning_back() -> None:
     assert braking.min() > -2.0  # m/s^2
 
 
+@pytest.mark.usefixtures("motionless")
 @pytest.mark.parametrize("count", [2, 12])
 def test_pedestrians_with_one_goal_come_to_rest_around_it(count: int) -> None:
     angles = 2.0 * math.pi * np.arange(count) / count + 0.1
@@ -106,6 +108,7 @@ def test_feet_keep_their_direction_while_shoulders_turn() -> None:
     assert np.abs(feet_angle[walking]).max() < math.radians(5.0)
 
 
+@pytest.mark.usefixtures("motionless")
 def test_people_who_stop_at_a_full_goal_face_it() -> None:
     humans = [going(k + 1, -3.5 + 0.1 * k, -0.5 + 0.5 * (k % 3), (2.0, 0.0)) for k in range(9)]
     snapshots = simulate(room(humans, robot=CORNER), 25.0)

@@ -235,6 +235,7 @@ def test_glances_of_standing_pedestrians_depend_on_the_reaction() -> None:
     assert fraction["curious"] > 0.5
 
 
+@pytest.mark.usefixtures("motionless")
 def test_pedestrians_do_not_react_through_walls() -> None:
     wall = [Wall((-8.0, 0.6), (8.0, 0.6))]
     standing = Human(1, Pose(0.0, 1.5, -1.5), reaction="scared")

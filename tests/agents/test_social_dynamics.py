@@ -250,6 +250,7 @@ def talking_group(
     return room([*humans, *others], groups=(group,), interactions=interactions, robot=CORNER)
 
 
+@pytest.mark.usefixtures("motionless")
 @pytest.mark.parametrize(("formation", "size"), [("l", 2), ("side_by_side", 2), ("circle", 5), ("semicircle", 4)])
 def test_members_of_a_named_formation_keep_it(formation: Formation, size: int) -> None:
     snapshots = simulate(talking_group(formation, size), 4.0)
@@ -258,6 +259,7 @@ def test_members_of_a_named_formation_keep_it(formation: Formation, size: int) -
     assert np.abs(start.position - end.position).max() < 0.02
 
 
+@pytest.mark.usefixtures("motionless")
 @pytest.mark.parametrize("size", [3, 4, 6])
 def test_without_a_named_formation_members_turn_to_the_centre_of_the_others(size: int) -> None:
     scene = talking_group("circle", size, is_recorded=False)
@@ -269,6 +271,7 @@ def test_without_a_named_formation_members_turn_to_the_centre_of_the_others(size
         assert abs(math.atan2(left, ahead)) < 0.02
 
 
+@pytest.mark.usefixtures("motionless")
 def test_without_a_named_formation_a_pair_faces_each_other() -> None:
     end = simulate(talking_group("l", 2, is_recorded=False), 3.0)[-1].humans
     assert np.allclose(end.direction[0], -end.direction[1], atol=1e-2)

@@ -321,7 +321,7 @@ def test_deviations_fade_in_a_crowd_and_are_shared_by_a_group(monkeypatch: pytes
     given = GIVEN._replace(wander=0.1, pace_deviation=0.1, crowd=1.0)
     memory = Memory(np.zeros(2, np.int64), np.array([[1.0, 2.0], [-1.0, 0.5]]), np.zeros(2))
     pair = walkers_at([(0.0, 0.0), (0.0, 1.0)], [(0.0, 0.0)] * 2)
-    share = 1.0 / (1.0 + math.exp(-1.0) ** 2)
+    share = 1.0 / (1.0 + math.exp(-1.0) ** 4)
     assert own_course(pair, 0, memory, given) == pytest.approx((0.1 * share, math.exp(0.2 * share)))
     group = walkers_at([(0.0, 0.0), (0.0, 1.0)], [(0.0, 0.0)] * 2, group=0)
     assert (

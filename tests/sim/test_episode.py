@@ -84,6 +84,7 @@ def test_the_goal_ends_the_episode_and_its_heading_counts_if_it_has_a_tolerance(
     assert run(at_heading, Answers())[1].calls[-1] == "close 0 goal"
 
 
+@pytest.mark.usefixtures("motionless")
 def test_a_contact_ends_the_episode_only_if_the_rules_say_so() -> None:
     human = Human(1, Pose(-2.3, 0.0))
     for ends_on, status in ((("goal", "time"), "timeout"), (("goal", "contact"), "contact")):

@@ -156,6 +156,7 @@ def test_absent_pedestrians_have_no_influence() -> None:
         assert expected.robot.pose == snapshot.robot.pose
 
 
+@pytest.mark.usefixtures("motionless")
 def test_a_pedestrian_neither_talks_with_nor_faces_an_absent_partner() -> None:
     humans = [
         Human(1, Pose(0.0, 0.0, 1.0), 0.2, group=1),

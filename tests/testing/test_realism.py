@@ -27,6 +27,7 @@ def walk(positions: list[Point], goals: list[Point], steps: int = 30, groups: In
     return simulate(starts, np.zeros((count, 2)), np.array(goals), np.full(count, 1.2), NO_WALLS, 0.1, steps, groups)
 
 
+@pytest.mark.usefixtures("motionless")
 def test_pedestrians_walk_to_their_goals_and_stop_there() -> None:
     path = walk([(0.0, 0.0), (0.0, 3.0)], [(2.0, 0.0), (0.0, 3.0)], 60)
     assert path.shape == (60, 2, 2)

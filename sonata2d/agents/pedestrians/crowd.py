@@ -29,8 +29,11 @@ from ...core.turning import critically_damped, turn_limits
 from ...registry import PEDESTRIAN_MODELS
 from .crowd_state import PURPOSES, Calls, CrowdState, Intentions, Law
 from .decisions.acts import plan_path, send, stand
+from .decisions.congestion import avoid_queues
 from .decisions.destinations import choose_destination, find_new_paths, start_straight
+from .decisions.stops import start_stops
 from .decisions.tasks import advance_tasks, begin, find_obstacles, leave, start_stay, update_partners
+from .idling import change_posture, initial_idling, look_round, stand_straight
 from .models.base import (
     KernelModel,
     PedestrianModel,
@@ -76,6 +79,7 @@ _CONSTANT = frozenset({
     "fixtures", "habits", "find_row", "complete", "for_space", "for_space_graph", "for_tight", "for_tight_graph",
     "for_passable", "for_passable_graph", "for_places",
 })  # fmt: skip
+_PACE_RATIO = 1.15  # largest ratio of the speeds of two members of a group
 _TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims
 
 
@@ -267,6 +271,7 @@ def _initial_state(scene: Scene, spaces: Spaces, model: PedestrianModel) -> Crow
         company=company,
         reactions=reactions,
         glances=initial_glances(scene, reactions),
+        idling=initial_idling(count),
         intentions=zeros(
             Intentions, count, preferred_speed=_group_speeds(scene), robot_in_sight=np.ones(count, dtype=bool),
             standing_position=company.standing_position.copy(),
@@ -311,7 +316,8 @@ def _routes(scene: Scene) -> Routes:
         Routes, count, order=order, walkers=np.array([len(walking)]), leader=leader, first=first,
         path=np.zeros((count, MOST_WAYPOINTS, 2)), version=version, copied=np.full(count, -1),
         goals_left=np.array(has_goals, dtype=np.int64), is_exiting=np.array([h.exits for h in humans], dtype=bool),
-        checkpoint=np.full((count, 2), math.nan), target=scene.human_table.position.copy(),
+        onward=np.full((count, 2), math.nan), checkpoint=np.full((count, 2), math.nan),
+        target=scene.human_table.position.copy(),
     )  # fmt: skip
 
 
@@ -330,6 +336,7 @@ def _journeys(scene: Scene) -> Journeys:
         enters=np.array([human.enters for human in humans], dtype=np.int64),
         look_ahead=np.array([int(_TRACK_LOOK_AHEAD / scene.rules.dt + 0.5)]), place=np.full(count, -1),
         spot=np.full((count, 2), math.nan), paths=np.array([count]),
+        delay=np.array([human.pre_movement for human in humans], dtype=float),
     )  # fmt: skip
 
 
@@ -389,7 +396,7 @@ def _decide(crowd: CrowdState, tick: int, humans: Array) -> None:
         crowd.intentions.robot_in_sight[k] = is_present[k] and choose_robot(
             crowd.reactions, k, crowd.robots, crowd.obstacles.view_blocks, humans
         )
-    _react(crowd, humans, is_present)
+    _react(crowd, tick, humans, is_present)
     _orient(crowd, tick, humans, is_present)
 
 
@@ -411,7 +418,7 @@ def _set_desires(crowd: CrowdState, humans: Array, is_present: BoolArray) -> Non
 
 
 @subroutine
-def _react(crowd: CrowdState, humans: Array, is_present: BoolArray) -> None:
+def _react(crowd: CrowdState, tick: int, humans: Array, is_present: BoolArray) -> None:
     """Adjust desired directions and speeds, and the positions of standing pedestrians, to the robot."""
     intentions, reactions, walkers, dt = crowd.intentions, crowd.reactions, crowd.walkers, crowd.obstacles.dt
     social, robots = crowd.company, crowd.robots
@@ -442,7 +449,14 @@ def _react(crowd: CrowdState, humans: Array, is_present: BoolArray) -> None:
                 reactions, k, direction[k, 0] * speed[k], direction[k, 1] * speed[k], direction[k, 0], direction[k, 1]
             )
         x, y = social.standing_position[k, 0], social.standing_position[k, 1]
-        if not social.is_walking[k] and crowd.tasks.sits_on[k] < 0:
+        if social.is_walking[k]:
+            stand_straight(crowd.idling, k)
+        elif crowd.tasks.sits_on[k] < 0:
+            change_posture(
+                crowd.idling, k, tick, x, y, walkers, social.size[k], crowd.obstacles.solids, crowd.draws,
+                crowd.obstacles.side, dt,
+            )  # fmt: skip
+            x, y = x + crowd.idling.shift[k, 0], y + crowd.idling.shift[k, 1]
             x, y = step_aside(
                 reactions, k, robots.state[reactions.robot[k]], x, y, walkers.radius[k], crowd.obstacles.side,
                 crowd.obstacles.solids,
@@ -485,24 +499,22 @@ def _orient(crowd: CrowdState, tick: int, humans: Array, is_present: BoolArray) 
             lag, intentions.twist_rate[k], rate, limit, crowd.obstacles.dt
         )
         intentions.wanted_twist[k], intentions.twist[k] = twist, intentions.twist[k] + change
+        if not social.is_walking[k]:
+            c, s = crowd.idling.turn[k, 0], crowd.idling.turn[k, 1]
+            facing_x, facing_y = facing_x * c - facing_y * s, facing_x * s + facing_y * c
         lead = max(speed * HEAD_LEAD_TIME, MINIMUM_HEAD_LEAD)
         ahead_x, ahead_y = point_ahead(crowd.routes, k, humans[k, X], humans[k, Y], lead)
         c, s = rotation(twist)
         intentions.facing[k, 0], intentions.facing[k, 1] = facing_x * c - facing_y * s, facing_x * s + facing_y * c
+        if not social.is_walking[k] and social.partner_count[k] == 0 and not social.has_object[k]:
+            facing_x, facing_y = look_round(
+                crowd.idling, k, tick, humans, walkers, facing_x, facing_y, crowd.draws, crowd.obstacles.side,
+                crowd.obstacles.dt,
+            )  # fmt: skip
         intentions.gaze[k, 0], intentions.gaze[k, 1] = gaze(
-            k,
-            tick,
-            humans,
-            social,
-            facing_x,
-            facing_y,
-            ahead_x,
-            ahead_y,
-            crowd.reactions,
-            crowd.glances,
-            crowd.draws,
+            k, tick, humans, social, facing_x, facing_y, ahead_x, ahead_y, crowd.reactions, crowd.glances, crowd.draws,
             crowd.obstacles.dt,
-        )
+        )  # fmt: skip
 
 
 @kernel
@@ -563,6 +575,8 @@ def _calls(is_stiff: bool) -> Calls:
         start_straight=address_of(start_straight, PACKED),
         find_obstacles=address_of(find_obstacles, PACKED, FLAG),
         advance_tasks=address_of(advance_tasks, PACKED, INT),
+        start_stops=address_of(start_stops, PACKED, INT),
+        avoid_queues=address_of(avoid_queues, PACKED, INT),
         choose_destination=address_of(choose_destination, PACKED, INT, INT),
         find_new_paths=address_of(find_new_paths, PACKED),
         prepare=address_of(prepare, PACKED, INT, FLOATS2),
@@ -617,12 +631,16 @@ def _walkers(scene: Scene) -> Walkers:
 
 
 def _group_speeds(scene: Scene) -> Array:
-    """Preferred speeds, (N,), m/s: wandering groups walk at the speed of the slowest member."""
+    """Preferred speeds, (N,), m/s: groups walk at the speed of their slowest member.
+
+    Members with goals of their own differ in speed by `_PACE_RATIO` at most, as the mean speeds of recorded ones do.
+    """
     speed = {human.id: human.desired_speed for human in scene.humans}
     wandering = {human.id for human in scene.humans if human.behaviour == "wandering"}
     for group in scene.groups:
         slowest = min(speed[member] for member in group.members)
-        speed.update({member: slowest for member in group.members if member in wandering})
+        for member in group.members:
+            speed[member] = min(speed[member], slowest if member in wandering else _PACE_RATIO * slowest)
     return np.array([speed[human.id] for human in scene.humans], dtype=float)
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from ...core.compiled.packing import Bools, Floats, Floats2, Ints
 from ...core.philox import Draws
+from .idling import POSTURES, Idling
 from .models.base import Walkers
 from .orientation import GLANCES, Glances
 from .passages import Passages
@@ -17,9 +18,9 @@ from .social.fixtures import Fixtures, Habits
 from .social.tasks import Lines, Meetings, Tasks
 from .wayfinding import Journeys, Obstacles
 
-PLACES, COMPANY = 0, 1  # purposes of random numbers, besides `GLANCES`
-PURPOSES = 3
-assert GLANCES == 2
+PLACES, COMPANY, WAYS = 0, 1, 3  # purposes of random numbers, besides `GLANCES` and `POSTURES`
+PURPOSES = 5
+assert (GLANCES, POSTURES) == (2, 4)
 
 
 class Intentions(NamedTuple):
@@ -64,6 +65,8 @@ class Calls(NamedTuple):
     start_straight: Ints
     find_obstacles: Ints
     advance_tasks: Ints
+    start_stops: Ints
+    avoid_queues: Ints
     choose_destination: Ints
     find_new_paths: Ints
     prepare: Ints
@@ -113,6 +116,7 @@ class CrowdState(NamedTuple):
     company: Company
     reactions: Reactions
     glances: Glances
+    idling: Idling
     intentions: Intentions
     walkers: Walkers
     draws: Draws

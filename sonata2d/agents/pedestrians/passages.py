@@ -287,6 +287,42 @@ def _find_way(passages: Passages, k: int, routes: Routes, humans: Array) -> None
 
 
 @subroutine
+def first_on_path(passages: Passages, path: Array, count: int) -> tuple[int, float]:
+    """The first passage on a path, and the distance to its end along the path, m; -1 without one.
+
+    Args:
+        passages: of the scene.
+        path: (R, 2), m.
+        count: of its points.
+    """
+    walked = 0.0
+    for n in range(1, count):
+        x, y, next_x, next_y = path[n - 1, 0], path[n - 1, 1], path[n, 0], path[n, 1]
+        step = length(next_x - x, next_y - y)
+        first, part = _first_gate(passages, x, y, next_x, next_y)
+        if first >= 0:
+            return first, walked + part * step - passages.frame[first, _HALF_DEPTH]
+        walked += step
+    return -1, 0.0
+
+
+@subroutine
+def people_ahead(passages: Passages, g: int, k: int, distance: float) -> int:
+    """Number of pedestrians other than k that pass passage g before one at a distance from it, m."""
+    count = 0
+    for other in range(len(passages.passage)):
+        for w in range(_MOST_WAYS):
+            count += other != k and passages.passage[other, w] == g and passages.distance[other, w] < distance
+    return count
+
+
+@subroutine
+def width_of(passages: Passages, g: int) -> float:
+    """The width of passage g, m."""
+    return float(2.0 * passages.frame[g, _HALF_WIDTH])
+
+
+@subroutine
 def _first_gate(passages: Passages, x: float, y: float, to_x: float, to_y: float) -> tuple[int, float]:
     """The first passage that a straight line passes, -1 without one, and the part of the line up to its middle."""
     grid, nearest, first = passages.gates.grid, 1.0, -1

@@ -72,6 +72,8 @@ class Reactions(NamedTuple):
         kind: (N,) of int, the reaction of each pedestrian, see above.
         weight: (N,), in [0, 1], how much the robot changes the motion; 0: not at all.
         is_alone: (N,) of bool, not in a group.
+        reaction_time: (N,), s.
+        seen: (N,), s, for which each pedestrian has had the robot in view and range.
         clearance: (N,), m, preferred gap to the robot.
         robot: (N,) of int, the robot that each pedestrian heeds: of those in sight, the nearest one.
         contact_distance: (N,), m, between the centres of pedestrian and robot at which a shoulder may touch the
@@ -96,6 +98,8 @@ class Reactions(NamedTuple):
     kind: Ints
     weight: Floats
     is_alone: Bools
+    reaction_time: Floats
+    seen: Floats
     clearance: Floats
     robot: Ints
     contact_distance: Floats
@@ -125,6 +129,7 @@ def initial_reactions(scene: Scene) -> Reactions:
         count,
         kind=kind,
         weight=np.array([human.reacts_to_robot for human in humans], dtype=float),
+        reaction_time=np.array([human.reaction_time for human in humans], dtype=float),
         is_alone=np.array([human.group is None for human in humans], dtype=bool),
         gap=np.full(count, math.inf),
         clearance=np.where(kind == SCARED, np.maximum(clearance, _SOCIAL_DISTANCE), clearance),
@@ -193,7 +198,9 @@ def notice_robot(
     is_near = reactions.weight[k] > 0.0 and in_sight and reactions.gap[k] < _NOTICE_RANGE
     is_approached = _is_approached(reactions, k, robot, _APPROACH_SPEED)
     is_heard = not is_walking and is_approached and reactions.gap[k] < _FAR_SOCIAL_DISTANCE
-    notices = is_near and (is_heard or is_in_view(humans, k, x / distance, y / distance))
+    is_seen = is_near and (is_heard or is_in_view(humans, k, x / distance, y / distance))
+    reactions.seen[k] = reactions.seen[k] + dt if is_seen else 0.0
+    notices = is_seen and reactions.seen[k] > reactions.reaction_time[k]
     reactions.notices[k], reactions.is_followed[k] = notices, is_near and is_approached and not notices
     kind = reactions.kind[k]
     if kind == CURIOUS:

@@ -60,6 +60,7 @@ class Routes(NamedTuple):
         is_stopping: (N,) of bool, the pedestrian will stand at its destination for a time.
         is_exiting: (N,) of bool, the pedestrian leaves the scene at its destination.
         is_abreast: (N,) of bool, pedestrians with room to walk beside the first member of their group, or without one.
+        onward: (N, 2), m, the destination to which the pedestrian goes on from a via point or a stop; else NaN.
         checkpoint: (N, 2), m, position at the last progress check; NaN before the first.
         target: (N, 2), m, the present waypoint.
         is_final: (N,) of bool, whether the target is where the pedestrian will stay.
@@ -83,6 +84,7 @@ class Routes(NamedTuple):
     is_stopping: Bools
     is_exiting: Bools
     is_abreast: Bools
+    onward: Floats2
     checkpoint: Floats2
     target: Floats2
     is_final: Bools
@@ -117,7 +119,7 @@ def next_without_destination(
         if leader == k:
             if _needs_destination(routes, k, tick, humans) or _is_stuck(routes, k, tick, humans):
                 return n
-            if routes.goals_left[k] == 0 and _has_settled(routes, k, humans, is_present, is_walking, solids):
+            if is_on_last_leg(routes, k) and _has_settled(routes, k, humans, is_present, is_walking, solids):
                 return n
         elif routes.copied[k] != routes.version[leader] and not routes.is_assigned[k]:
             routes.copied[k] = routes.version[k] = routes.version[leader]
@@ -134,7 +136,7 @@ def next_without_destination(
 @subroutine
 def _needs_destination(routes: Routes, k: int, tick: int, humans: Array) -> bool:
     """Whether a pedestrian has arrived; without a path it tries again every `_CHECK_INTERVAL`."""
-    if routes.is_assigned[k] or routes.goals_left[k] == 0:
+    if routes.is_assigned[k] or is_on_last_leg(routes, k):
         return False
     count = routes.length[k]
     if count < 2:
@@ -268,13 +270,13 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray, solids: So
             for axis in range(2):
                 shifted = routes.target[leader, axis] + humans[k, X + axis] - humans[leader, X + axis]
                 routes.target[k, axis] = shifted
-        stays = routes.is_assigned[k] or routes.is_stopping[k] or routes.goals_left[k] == 0
+        stays = routes.is_assigned[k] or routes.is_stopping[k] or is_on_last_leg(routes, k)
         is_last = stays and routes.next[k] == routes.length[k] - 1 and not routes.is_partial[k]
         routes.is_final[k] = routes.length[k] > 0 and is_last and not routes.is_exiting[k]
         routes.is_leaving[k] = (
             # those that leave through doors are found by `advance_tasks`
             routes.is_exiting[k]
-            and routes.goals_left[k] == 0
+            and is_on_last_leg(routes, k)
             and is_last
             and _has_passed(routes, k, humans[k, X], humans[k, Y], solids)
         )
@@ -354,6 +356,12 @@ def stopping_speed(distance: float) -> float:
 
 
 @subroutine
+def stopping_distance(speed: float) -> float:
+    """The distance in which a walker stops from a speed, m/s; m."""
+    return speed * speed / (2.0 * _ARRIVAL_BRAKING) + ARRIVAL_DISTANCE
+
+
+@subroutine
 def corner_speed(routes: Routes, k: int, x: float, y: float) -> float:
     """The speed at which pedestrian k at (x, y) can still turn at its next waypoint, m/s."""
     n = routes.next[k]
@@ -389,6 +397,12 @@ def point_ahead(routes: Routes, k: int, x: float, y: float, distance: float) -> 
         x, y = routes.path[k, n, 0], routes.path[k, n, 1]
         ahead_x, ahead_y, distance = x, y, distance - length
     return ahead_x, ahead_y
+
+
+@subroutine
+def is_on_last_leg(routes: Routes, k: int) -> bool:
+    """Whether pedestrian k has no destination beyond the present one."""
+    return bool(routes.goals_left[k] == 0 and math.isnan(routes.onward[k, 0]))
 
 
 @subroutine

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...core.barrier_grid import Solids, changeable_solids, fill_grid, set_barrier, solids_of
 from ...core.compiled.kernel import subroutine
-from ...core.compiled.packing import Floats, Floats2, Ints, Packed
+from ...core.compiled.packing import Bools, Floats, Floats2, Ints, Packed
 from ...core.compiled.scalar import angle_of, length
 from ...core.entities import PERSON_RADIUS
 from ...core.free_space import Space, is_free
@@ -30,7 +30,7 @@ from .social.company import Company, is_in_the_way
 _CLEARANCE = 0.05  # m, of shoulders from walls, furniture and standing people, where there is room
 _TIGHT_CLEARANCE = 0.03  # m, of a body that passes sideways, where a body cannot pass ahead
 _WALL_TOLERANCE = 0.05  # m, by which a body may overlap a wall before its path counts as blocked
-_BRAKING_TIME = 0.5  # s, in which the velocity of a pedestrian that stops carries it to where it will stand
+BRAKING_TIME = 0.5  # s, in which the velocity of a pedestrian that stops carries it to where it will stand
 _LARGEST_CIRCLE = 1.0  # m, from the centre of a conversation to its members, up to which others do not walk through it
 LONGEST_PATH = 512  # points of the longest path that is found
 _RESTS, _IS_OBSTACLE, _ROBOT_X, _ROBOT_Y, _COS, _SIN = range(6)  # columns of `Obstacles.standing_robots`
@@ -87,6 +87,9 @@ class Journeys(NamedTuple):
         enters: (N,) of int, tick of the first one.
         look_ahead: (1,) of int, ticks, how far ahead on its track a recorded pedestrian aims.
         stay: (N,), s, for which each pedestrian stands at its present destination.
+        onward_stay: (N,), s, the same at the destination `Routes.onward`.
+        delay: (N,), s, for which each pedestrian still stands before it sets off for the first time.
+        wants_stop: (N,) of bool, pedestrians that stop at the next suitable place.
         place: (N,) of int, place of interest of the present destination; -1 for none.
         spot: (N, 2), m, where pedestrians stand for a time, or will; NaN for others.
         paths: (1,) of int, number of paths that were set.
@@ -100,6 +103,9 @@ class Journeys(NamedTuple):
     enters: Ints
     look_ahead: Ints
     stay: Floats
+    onward_stay: Floats
+    delay: Floats
+    wants_stop: Bools
     place: Ints
     spot: Floats2
     paths: Ints
@@ -225,7 +231,15 @@ def update_obstacles(
     for k in range(len(is_present)):
         if is_standing[k]:
             _add_circle(obstacles.space, company, k, is_standing, ring)
-    fill_grid(around.table, around.used[0], around.grid)
+    use_added(obstacles, around.used[0])
+
+
+@subroutine
+def use_added(obstacles: Obstacles, count: int) -> None:
+    """Let paths lead round the first ones of the added obstacles."""
+    around = obstacles.space.added
+    around.used[0] = count
+    fill_grid(around.table, count, around.grid)
     for graph in (obstacles.space_graph, obstacles.tight_graph, obstacles.passable_graph):
         graph.added_count[0] = -1
         graph.is_covered[:] = False
@@ -309,6 +323,42 @@ def set_path(routes: Routes, journeys: Journeys, k: int, path: Array, count: int
 
 
 @subroutine
+def set_stop(
+    routes: Routes, journeys: Journeys, k: int, x: float, y: float, stop_x: float, stop_y: float, duration: float
+) -> None:
+    """Let pedestrian k, which is at (x, y), stand at another place, m, for a time, s, before it goes on."""
+    interrupt(routes, journeys, k)
+    set_straight_path(routes, journeys, k, x, y, stop_x, stop_y)
+    plan_stay(routes, journeys, k, duration, stop_x, stop_y)
+
+
+@subroutine
+def interrupt(routes: Routes, journeys: Journeys, k: int) -> None:
+    """Let pedestrian k go on to its present destination after what it does next."""
+    if math.isnan(routes.onward[k, 0]):
+        routes.onward[k, 0], routes.onward[k, 1] = routes.destination[k, 0], routes.destination[k, 1]
+        journeys.onward_stay[k] = journeys.stay[k] if routes.is_stopping[k] else 0.0
+
+
+@subroutine
+def set_straight_path(
+    routes: Routes, journeys: Journeys, k: int, x: float, y: float, end_x: float, end_y: float
+) -> None:
+    """Start from (x, y) on the straight way to another place, m."""
+    ends = np.empty((2, 2))
+    ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1] = x, y, end_x, end_y
+    set_path(routes, journeys, k, ends, 2, 1)
+
+
+@subroutine
+def plan_stay(routes: Routes, journeys: Journeys, k: int, duration: float, x: float, y: float) -> None:
+    """Let pedestrian k stand at its destination, m, for a time, s."""
+    journeys.stay[k], routes.is_stopping[k] = duration, duration > 0.0
+    journeys.spot[k, 0] = x if duration > 0.0 else math.nan
+    journeys.spot[k, 1] = y if duration > 0.0 else math.nan
+
+
+@subroutine
 def stop(routes: Routes, journeys: Journeys, k: int) -> None:
     """Let pedestrian k stay where it is until `send_to` or `start_wandering`."""
     routes.is_assigned[k], routes.is_stopping[k] = True, False
@@ -327,15 +377,13 @@ def start_wandering(routes: Routes, journeys: Journeys, k: int, x: float, y: flo
         routes.walkers[0] += 1
         routes.leader[k] = k
     # A path that ends where the pedestrian is: it chooses a destination in the next tick.
-    here = np.empty((2, 2))
-    here[0, 0], here[0, 1], here[1, 0], here[1, 1] = x, y, x, y
-    set_path(routes, journeys, k, here, 2, 1)
+    set_straight_path(routes, journeys, k, x, y, x, y)
 
 
 @subroutine
 def resting_place(space: Space, x: float, y: float, vx: float, vy: float) -> Point:
     """Where a pedestrian at (x, y), m, with a velocity, m/s, comes to rest if it brakes now; m."""
-    to_x, to_y = x + vx * _BRAKING_TIME, y + vy * _BRAKING_TIME
+    to_x, to_y = x + vx * BRAKING_TIME, y + vy * BRAKING_TIME
     return (to_x, to_y) if is_free(space, to_x, to_y) else (x, y)
 
 

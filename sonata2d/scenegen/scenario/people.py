@@ -51,6 +51,10 @@ class PersonSpec(Settings):
             member leads.
         desired_speed, radius, breadth: m/s, m, m; default: drawn from the section `person`.
         headway, politeness: factors; default: drawn from the section `person`.
+        pre_movement: s; how long the pedestrian stands before it walks for the first time; default: drawn from the
+            section `person`, or 0 if it enters later.
+        reaction_time: s; from the moment at which the robot comes into view until the pedestrian reacts; default: drawn
+            from the section `person`.
         reacts_to_robot: 0 (ignores the robot) to 1; default: drawn from the section `person`.
         reaction: kind of reaction to the robot; default: drawn from the section `person`.
     """
@@ -74,6 +78,8 @@ class PersonSpec(Settings):
     breadth: Breadth | None = None
     headway: Positive | None = None
     politeness: NotNegative | None = None
+    pre_movement: Duration | None = None
+    reaction_time: Duration | None = None
     reacts_to_robot: Fraction | None = None
     reaction: Reaction | None = None
 

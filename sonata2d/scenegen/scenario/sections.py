@@ -251,6 +251,8 @@ class PersonConfig(Settings):
         radius: half the depth of the body, m.
         breadth: of the shoulders, m; twice the radius or less gives a disc.
         wall_distance: minimum distance of a pedestrian's centre from walls at the start, m.
+        pre_movement: time for which a pedestrian stands at the start before it walks, s.
+        reaction_time: time from the moment at which the robot comes into view of a pedestrian until it reacts, s.
         model: pedestrian model of all pedestrians: sonata2026, moussaid2009, helbing1995, helbing2000, farina2017 or
             orca2011; see models.md.
         desired_speed: distribution of the desired speed, m/s.
@@ -268,6 +270,8 @@ class PersonConfig(Settings):
     desired_speed: SpeedConfig = SpeedConfig()
     headway: FactorConfig = FactorConfig()
     politeness: FactorConfig = FactorConfig()
+    pre_movement: Duration = Range(0, 0)
+    reaction_time: Duration = Range(0, 0)
     model: _ModelName = DEFAULT_MODEL
     ignores_robot: Fraction = 0.0
     reactions: Annotated[dict[Reaction, NotNegative], *weights_of("reaction")] = Field(default={"avoids": 1.0})

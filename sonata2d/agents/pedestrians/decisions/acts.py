@@ -17,7 +17,7 @@ from ....core.compiled.calls import (
 )
 from ....core.compiled.kernel import kernel, subroutine
 from ....core.compiled.packing import unpack
-from ....core.compiled.scalar import length
+from ....core.compiled.scalar import Vector, length
 from ....core.philox import uniform_between
 from ....core.portable_math import Array, IntArray
 from ..crowd_state import COMPANY, CrowdState
@@ -31,8 +31,10 @@ from ..social.tasks import (
 from ..wayfinding import (
     LONGEST_PATH,
     path_length,
+    resting_place,
     robot_stands,
     set_path,
+    use_added,
 )
 
 _DETOUR = 1.3  # largest ratio of the lengths of a path with room and of a path without, at which the first is preferred
@@ -47,6 +49,13 @@ def x_of(crowd: CrowdState, k: int) -> float:
 @subroutine
 def y_of(crowd: CrowdState, k: int) -> float:
     return float(crowd.walkers.position[k, 1])
+
+
+@subroutine
+def resting_place_of(crowd: CrowdState, k: int) -> Vector:
+    """Where pedestrian k comes to rest if it brakes now, m."""
+    vx, vy = crowd.walkers.velocity[k, 0], crowd.walkers.velocity[k, 1]
+    return resting_place(crowd.obstacles.space, x_of(crowd, k), y_of(crowd, k), vx, vy)
 
 
 @subroutine
@@ -88,14 +97,14 @@ def plan_path(packed_state: Any, k: int, x: float, y: float, end_x: float, end_y
     ignores_robots = ignores_robots and crowd.reactions.gap[k] > _TOUCHING
     if ignores_robots:
         call(crowd.calls.find_obstacles, (crowd, False))
-    count = _shorter_path(crowd, x, y, end_x, end_y, route)
+    count = shorter_path(crowd, x, y, end_x, end_y, route)
     if ignores_robots:
         call(crowd.calls.find_obstacles, (crowd, True))
     return count
 
 
 @subroutine
-def _shorter_path(crowd: CrowdState, x: float, y: float, end_x: float, end_y: float, route: Array) -> int:
+def shorter_path(crowd: CrowdState, x: float, y: float, end_x: float, end_y: float, route: Array) -> int:
     """`plan_path` among the present obstacles."""
     count = path_in(crowd, crowd.obstacles.for_space, crowd.obstacles.for_space_graph, x, y, end_x, end_y, route)
     size = path_length(route, count)
@@ -108,6 +117,19 @@ def _shorter_path(crowd: CrowdState, x: float, y: float, end_x: float, end_y: fl
     for n in range(other):
         route[n, 0], route[n, 1] = tight[n, 0], tight[n, 1]
     return other
+
+
+@subroutine
+def path_past_people(crowd: CrowdState, x: float, y: float, end_x: float, end_y: float, route: Array) -> int:
+    """`shorter_path` as if nobody stood anywhere, for a destination that people who stand enclose."""
+    obstacles = crowd.obstacles
+    count, holes = obstacles.space.added.used[0], obstacles.space.hole_count[0]
+    obstacles.space.hole_count[0] = 0
+    use_added(obstacles, 0)
+    size = shorter_path(crowd, x, y, end_x, end_y, route)
+    obstacles.space.hole_count[0] = holes
+    use_added(obstacles, count)
+    return size
 
 
 @subroutine

@@ -43,11 +43,26 @@ from ..social.tasks import (
 )
 from ..wayfinding import (
     LONGEST_PATH,
-    resting_place,
+    plan_stay,
     set_path,
+    set_straight_path,
 )
-from .acts import choose, is_open, members_of, path_in, planned, set_task, ticks, try_to_send, x_of, y_of
+from .acts import (
+    choose,
+    is_open,
+    members_of,
+    path_in,
+    path_past_people,
+    planned,
+    resting_place_of,
+    set_task,
+    ticks,
+    try_to_send,
+    x_of,
+    y_of,
+)  # fmt: skip
 from .places import AHEAD, place_beside, slot_place, start_exit, tail_of
+from .stops import FROM_SOLIDS, is_beside_stranger, via_point
 from .tasks import POSITION_SPACING
 
 _APPROACH_TIME = 25.0  # s, after which a task whose position was not reached is given up
@@ -65,34 +80,50 @@ def choose_destination(packed_state: Any, k: int, tick: int) -> None:
     crowd = unpack(packed_state, CrowdState)
     habits, journeys, routes = crowd.habits, crowd.journeys, crowd.routes
     x, y = x_of(crowd, k), y_of(crowd, k)
+    if journeys.delay[k] > 0.0:
+        duration, journeys.delay[k] = journeys.delay[k], 0.0
+        _stay_here(crowd, k, duration, tick)
+        return
     if routes.is_stopping[k]:
         routes.is_stopping[k] = False
         # A pedestrian without progress is somewhere else on its path.
-        if is_near(x, y, routes.destination[k, 0], routes.destination[k, 1], _STOPPING_DISTANCE):
-            _stay_here(crowd, k, journeys.stay[k], tick)
-            return
+        to_x, to_y = routes.destination[k, 0], routes.destination[k, 1]
+        if is_near(x, y, to_x, to_y, _STOPPING_DISTANCE):
+            rest_x, rest_y = resting_place_of(crowd, k)
+            if not is_beside_stranger(crowd, k, rest_x, rest_y):
+                _stay_here(crowd, k, journeys.stay[k], tick)
+                return
+            # Where it would come to rest somebody stands: it goes to the destination itself, or elsewhere.
+            if not is_beside_stranger(crowd, k, to_x, to_y) and try_to_send(crowd, k, to_x, to_y):
+                until = tick + ticks(crowd, journeys.stay[k] + _APPROACH_TIME)
+                set_task(crowd, k, STAY, to_x, to_y, to_x, to_y, -1, until, False)
+                return
+    route = np.empty((LONGEST_PATH, 2))
+    if not math.isnan(routes.onward[k, 0]):
+        goal_x, goal_y = routes.onward[k, 0], routes.onward[k, 1]
+        routes.onward[k, 0] = routes.onward[k, 1] = math.nan
+        count = _way_to(crowd, k, x, y, goal_x, goal_y, route)
+        set_path(routes, journeys, k, route, count, 1)
+        plan_stay(routes, journeys, k, journeys.onward_stay[k], goal_x, goal_y)
+        return
     if routes.goals_left[k] == 0:
         _stay_here(crowd, k, math.inf, tick)
         return
-    route = np.empty((LONGEST_PATH, 2))
     if routes.goals_left[k] > 0:
-        # Goals of the scene are always approached, straight if there is no free path.
-        goal_x, goal_y = _pop_goal(crowd, k)
-        count = planned(crowd, k, x, y, goal_x, goal_y, route)
-        if count == 0:  # through a gap that is hardly wider than the body, or between people who talk
-            count = path_in(
-                crowd, crowd.obstacles.for_passable, crowd.obstacles.for_passable_graph, x, y, goal_x, goal_y, route
-            )
-        if count == 0:
-            route[0, 0], route[0, 1], route[1, 0], route[1, 1], count = x, y, goal_x, goal_y, 2
-        set_path(routes, journeys, k, route, count, 1)
+        n = journeys.goal_start[k + 1] - routes.goals_left[k]
+        goal_x, goal_y = journeys.goal[n, 0], journeys.goal[n, 1]
+        routes.goals_left[k] -= 1
+        count = _way_to(crowd, k, x, y, goal_x, goal_y, route)
+        _set_out(crowd, k, route, count, journeys.goal_stay[n])
         return
     if habits.is_lively and _choose_task(crowd, k, tick):
         return
     followers = 0
     for other in range(len(routes.leader)):
         followers += routes.leader[other] == k
-    half_width = _MEMBER_HALF_WIDTH * max(followers, 1)
+    half_width = _MEMBER_HALF_WIDTH * followers if followers > 1 else 0.0
+    if habits.pause_high > 0.0 or len(crowd.fixtures.place) > 0:
+        half_width = max(half_width, FROM_SOLIDS)
     for attempt in range(_ATTEMPTS):
         # The first half of the attempts looks for an untaken place of interest with room for all members.
         is_choosy = attempt < _ATTEMPTS // 2
@@ -105,18 +136,17 @@ def choose_destination(packed_state: Any, k: int, tick: int) -> None:
         # A choosy leader goes where the group can walk abreast as it stands, and where all members have room.
         if is_choosy and followers > 1 and _is_in_file(crowd, k, goal_x - x, goal_y - y):
             continue
-        if is_choosy and followers > 1 and is_within(crowd.obstacles.solids, goal_x, goal_y, half_width):
+        if is_choosy and half_width > 0.0 and is_within(crowd.obstacles.solids, goal_x, goal_y, half_width):
             continue
         count = planned(crowd, k, x, y, goal_x, goal_y, route)
         if count == 0:
             continue
-        set_path(routes, journeys, k, route, count, 1)
         low, high = habits.pause_low, habits.pause_high
         if place >= 0:
             low, high = crowd.fixtures.place[place, 4], crowd.fixtures.place[place, 5]
         journeys.place[k] = place
         duration = uniform_between(crowd.draws, k, PLACES, low, high) if high > 0.0 else 0.0
-        _plan_stay(crowd, k, duration, goal_x, goal_y)
+        _set_out(crowd, k, route, count, duration)
         return
     # No place is in reach, as between walls on all sides: look again later, since every attempt costs two searches.
     _stay_here(crowd, k, _NO_DESTINATION_PAUSE, tick)
@@ -133,6 +163,8 @@ def find_new_paths(packed_state: Any) -> None:
             routes.is_blocked[k] = False
             to_x, to_y = routes.destination[k, 0], routes.destination[k, 1]
             count = planned(crowd, k, x_of(crowd, k), y_of(crowd, k), to_x, to_y, route)
+            if count == 0:
+                count = path_past_people(crowd, x_of(crowd, k), y_of(crowd, k), to_x, to_y, route)
             if count > 0:
                 set_path(routes, crowd.journeys, k, route, count, 1)
 
@@ -142,45 +174,60 @@ def start_straight(packed_state: Any) -> None:
     """Send pedestrians that see their first goal straight there, in the first tick."""
     crowd = unpack(packed_state, CrowdState)
     journeys, routes = crowd.journeys, crowd.routes
-    here = np.empty((2, 2))
+    straight = np.empty((2, 2))
     for n in range(routes.walkers[0]):
         k = routes.order[n]
-        if not crowd.is_present[k] or routes.goals_left[k] <= 0:
+        if not crowd.is_present[k] or routes.goals_left[k] <= 0 or journeys.delay[k] > 0.0:
             continue
         x, y, first = x_of(crowd, k), y_of(crowd, k), journeys.goal_start[k + 1] - routes.goals_left[k]
         goal_x, goal_y = journeys.goal[first, 0], journeys.goal[first, 1]
         if is_clear(crowd.obstacles.space, x, y, goal_x, goal_y) or (
             not is_free(crowd.obstacles.space, x, y) and is_clear(crowd.obstacles.passable, x, y, goal_x, goal_y)
         ):
-            _pop_goal(crowd, k)
-            here[0, 0], here[0, 1], here[1, 0], here[1, 1] = x, y, goal_x, goal_y
-            set_path(routes, journeys, k, here, 2, 1)
+            routes.goals_left[k] -= 1
+            straight[0, 0], straight[0, 1], straight[1, 0], straight[1, 1] = x, y, goal_x, goal_y
+            _set_out(crowd, k, straight, 2, journeys.goal_stay[first])
 
 
 @subroutine
-def _pop_goal(crowd: CrowdState, k: int) -> tuple[float, float]:
-    """The next goal of pedestrian k, m."""
-    journeys = crowd.journeys
-    n = journeys.goal_start[k + 1] - crowd.routes.goals_left[k]
-    _plan_stay(crowd, k, journeys.goal_stay[n], journeys.goal[n, 0], journeys.goal[n, 1])
-    crowd.routes.goals_left[k] -= 1
-    return journeys.goal[n, 0], journeys.goal[n, 1]
+def _way_to(crowd: CrowdState, k: int, x: float, y: float, goal_x: float, goal_y: float, route: Array) -> int:
+    """The path from (x, y) to a destination that is always approached, m: straight if there is no free path.
+
+    Returns:
+        Number of points, which are written into the route, (R, 2), m.
+    """
+    count = planned(crowd, k, x, y, goal_x, goal_y, route)
+    if count == 0:  # through a gap that is hardly wider than the body, or between people who talk
+        space, graph = crowd.obstacles.for_passable, crowd.obstacles.for_passable_graph
+        count = path_in(crowd, space, graph, x, y, goal_x, goal_y, route)
+    if count == 0:
+        count = path_past_people(crowd, x, y, goal_x, goal_y, route)
+    if count == 0:
+        route[0, 0], route[0, 1], route[1, 0], route[1, 1], count = x, y, goal_x, goal_y, 2
+    return count
 
 
 @subroutine
-def _plan_stay(crowd: CrowdState, k: int, duration: float, x: float, y: float) -> None:
-    """Let pedestrian k stand at its destination, m, for a time, s."""
-    journeys = crowd.journeys
-    journeys.stay[k], crowd.routes.is_stopping[k] = duration, duration > 0.0
-    journeys.spot[k, 0] = x if duration > 0.0 else math.nan
-    journeys.spot[k, 1] = y if duration > 0.0 else math.nan
+def _set_out(crowd: CrowdState, k: int, route: Array, count: int, duration: float) -> None:
+    """Let pedestrian k walk on a path, by a via point if it is straight, and stand at its end for a time, s."""
+    routes, journeys, end = crowd.routes, crowd.journeys, count - 1
+    x, y, goal_x, goal_y = route[0, 0], route[0, 1], route[end, 0], route[end, 1]
+    has_via, via_x, via_y = False, 0.0, 0.0
+    if count == 2:
+        has_via, via_x, via_y = via_point(crowd, k, x, y, goal_x, goal_y)
+    if not has_via:
+        set_path(routes, journeys, k, route, count, 1)
+        plan_stay(routes, journeys, k, duration, goal_x, goal_y)
+        return
+    set_straight_path(routes, journeys, k, x, y, via_x, via_y)
+    plan_stay(routes, journeys, k, 0.0, via_x, via_y)
+    routes.onward[k, 0], routes.onward[k, 1], journeys.onward_stay[k] = goal_x, goal_y, duration
 
 
 @subroutine
 def _stay_here(crowd: CrowdState, k: int, duration: float, tick: int) -> None:
     """Let pedestrian k stand where it comes to rest: near its destination, not exactly there."""
-    vx, vy = crowd.walkers.velocity[k, 0], crowd.walkers.velocity[k, 1]
-    x, y = resting_place(crowd.obstacles.space, x_of(crowd, k), y_of(crowd, k), vx, vy)
+    x, y = resting_place_of(crowd, k)
     crowd.journeys.spot[k, 0], crowd.journeys.spot[k, 1] = x, y
     call(crowd.calls.start_stay, (crowd, k, x, y, duration, tick))
 

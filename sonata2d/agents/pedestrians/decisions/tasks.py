@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from ....core.barrier_grid import nearest_within
 from ....core.compiled.calls import (
     call,
 )
 from ....core.compiled.kernel import kernel, subroutine
 from ....core.compiled.packing import unpack
-from ....core.compiled.scalar import length
+from ....core.compiled.scalar import length, towards, unit_or
 from ....core.philox import uniform
 from ....core.portable_math import Array, IntArray
 from ..crowd_state import COMPANY, CrowdState
@@ -46,13 +47,24 @@ from ..social.tasks import (
 )
 from ..wayfinding import (
     follow_track,
-    resting_place,
+    interrupt,
     start_wandering,
     stop,
     update_obstacles,
     watch_robots,
 )
-from .acts import draw_end, is_open, let_stand, members_of, set_task, ticks, try_to_send, x_of, y_of
+from .acts import (
+    draw_end,
+    is_open,
+    let_stand,
+    members_of,
+    resting_place_of,
+    set_task,
+    ticks,
+    try_to_send,
+    x_of,
+    y_of,
+)  # fmt: skip
 from .places import (
     AHEAD,
     advance_exit,
@@ -70,6 +82,7 @@ _MEETING_DISTANCE, _SEPARATION = 2.2, 3.5  # m: within the first, a pair may sto
 POSITION_SPACING = 0.7  # m, between the positions of two tasks
 _MEMBER_SPACING, _MEMBER_DISTANCE = 0.6, 1.2  # m, in a group that pauses: least between members, most from the leader
 _LONG_STAY = 10.0  # s, from which on paths lead round a pedestrian that pauses
+_FACED_WALL = 1.0  # m, from a wall or furniture within which nobody stands and faces it
 _FOREVER = 1e6  # s
 _SERVED_TIME = 120.0  # s, for which a pedestrian that was served does not queue again
 _LEFT_ALONE_TIME = 2.0  # s, that a pedestrian stays when its partners have left
@@ -144,6 +157,10 @@ def advance_tasks(packed_state: Any, tick: int) -> None:
             call(crowd.calls.leave, (crowd, served, tick))
     if crowd.habits.meets > 0.0:
         _start_meetings(crowd, tick)
+    if crowd.habits.stops > 0.0:
+        call(crowd.calls.start_stops, (crowd, tick))
+    if len(crowd.passages.holder) > 0:
+        call(crowd.calls.avoid_queues, (crowd, tick))
     if tasks.is_changed[0]:
         tasks.is_changed[0] = False
         call(crowd.calls.find_obstacles, (crowd, True))
@@ -265,8 +282,7 @@ def start_stay(packed_state: Any, k: int, x: float, y: float, duration: float, t
             continue
         spot_x, spot_y = _spot_beside(crowd, follower, k, x, y, taken[:count])
         taken[count, 0], taken[count, 1], count = spot_x, spot_y, count + 1
-        vx, vy = crowd.walkers.velocity[follower, 0], crowd.walkers.velocity[follower, 1]
-        rest_x, rest_y = resting_place(crowd.obstacles.space, x_of(crowd, follower), y_of(crowd, follower), vx, vy)
+        rest_x, rest_y = resting_place_of(crowd, follower)
         near = length(rest_x - spot_x, rest_y - spot_y) < _PLACE_TOLERANCE
         if (near and length(rest_x - x, rest_y - y) < _MEMBER_DISTANCE) or not try_to_send(
             crowd, follower, spot_x, spot_y
@@ -281,7 +297,8 @@ def start_stay(packed_state: Any, k: int, x: float, y: float, duration: float, t
 def _pause(crowd: CrowdState, k: int, x: float, y: float, until: int, tick: int) -> None:
     """Pedestrian k stands at a place, m, until a tick.
 
-    It faces where its feet point; at its last goal, if others stand there and it is not behind, it faces that goal.
+    It faces where its feet point; at its last goal, if others stand there and it is not behind, it faces that goal. It
+    does not stand with its face to a wall.
     """
     routes = crowd.routes
     dx, dy = crowd.walkers.body_direction[k, 0], crowd.walkers.body_direction[k, 1]
@@ -291,12 +308,27 @@ def _pause(crowd: CrowdState, k: int, x: float, y: float, until: int, tick: int)
         distance = length(to_x, to_y)
         if distance > ARRIVAL_DISTANCE and to_x * dx + to_y * dy > -0.5 * distance:
             facing_x, facing_y = x + to_x, y + to_y
+    facing_x, facing_y = _away_from_walls(crowd, x, y, facing_x - x, facing_y - y)
     is_brief = (until - tick) * crowd.obstacles.dt < _LONG_STAY
     stop(routes, crowd.journeys, k)
     let_stand(crowd, k, x, y, facing_x, facing_y, STANDING, is_brief)
     set_task(crowd, k, STAY, x, y, facing_x, facing_y, -1, until, True)
     if not is_brief:
         crowd.tasks.is_changed[0] = True
+
+
+@subroutine
+def _away_from_walls(crowd: CrowdState, x: float, y: float, ahead_x: float, ahead_y: float) -> tuple[float, float]:
+    """The point to face from (x, y), m: along a direction, or along its reflection at a wall close ahead."""
+    solids = crowd.obstacles.solids
+    wall, _ = nearest_within(solids, x, y, _FACED_WALL)
+    if wall >= 0:
+        dx, dy = towards(solids.table, wall, x, y)
+        ux, uy = unit_or(dx, dy, 1e-6, 0.0, 0.0)
+        into = ahead_x * ux + ahead_y * uy
+        if into > 0.0:
+            ahead_x, ahead_y = ahead_x - 2.0 * into * ux, ahead_y - 2.0 * into * uy
+    return x + ahead_x, y + ahead_y
 
 
 @subroutine
@@ -324,7 +356,7 @@ def _spot_beside(crowd: CrowdState, k: int, leader: int, x: float, y: float, tak
 
 @subroutine
 def _start_meetings(crowd: CrowdState, tick: int) -> None:
-    """Let pairs of wandering pedestrians that come near each other stop and talk.
+    """Let pairs of pedestrians that come near each other stop and talk; those with goals go on to these.
 
     A pair is asked once per encounter; pairs that are near at the start have met already.
     """
@@ -332,7 +364,7 @@ def _start_meetings(crowd: CrowdState, tick: int) -> None:
     count = len(tasks.kind)
     is_able = np.empty(count, dtype=np.bool_)
     for k in range(count):
-        is_able[k] = crowd.company.is_walking[k] and tasks.may_take_part[k] and tasks.kind[k] == NO_TASK
+        is_able[k] = crowd.company.is_walking[k] and tasks.may_meet[k] and tasks.kind[k] == NO_TASK
     start, other = meetings.start.copy(), meetings.other[: meetings.start[count]].copy()
     total = 0
     for i in range(count):
@@ -371,6 +403,8 @@ def _stop_to_talk(crowd: CrowdState, i: int, j: int, tick: int) -> bool:
     for turn in range(2):
         k, sign = (i, 1.0) if turn == 0 else (j, -1.0)
         to_x, to_y = x + sign * ux, y + sign * uy
+        if crowd.routes.goals_left[k] >= 0:
+            interrupt(crowd.routes, crowd.journeys, k)
         stop(crowd.routes, crowd.journeys, k)
         set_task(crowd, k, TALK, to_x, to_y, x, y, -1, until, True)
         crowd.tasks.has_walked[k] = False

@@ -63,9 +63,9 @@ class Sonata2026(NamedTuple):
     cohesion: float = 0.229
     spacing: float = 1.062
     wander: float = 0.11
-    pace_deviation: float = 0.12
+    pace_deviation: float = 0.095
     deviation_time: float = 0.977
-    crowd: float = 0.636
+    crowd: float = 1.8
 
 
 PARAMETERS = Sonata2026()
@@ -473,7 +473,8 @@ def own_course(walkers: Walkers, i: int, memory: Memory, parameters: Sonata2026)
             crowd += walkers.attention[n] * exp(-length(dx, dy) / _NEAR)
         elif walkers.walks[j]:
             lead = min(lead, j)
-    share = 1.0 / (1.0 + (crowd / p.crowd) * (crowd / p.crowd))
+    square = (crowd / p.crowd) * (crowd / p.crowd)
+    share = 1.0 / (1.0 + square * square)
     course, pace = memory.deviation[lead, _COURSE], memory.deviation[lead, _PACE]
     course = clipped(p.wander * share * course, -_MOST_WANDER, _MOST_WANDER)
     return course, exp(clipped(p.pace_deviation * share * pace, -_MOST_PACE, _MOST_PACE))

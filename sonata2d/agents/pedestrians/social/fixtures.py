@@ -59,7 +59,7 @@ class Fixtures(NamedTuple):
 
 
 class Habits(NamedTuple):
-    """Social settings of a scene, see `Social`; probabilities, times in s, and distances in m."""
+    """Social settings of a scene, see `Social`; probabilities, times in s, distances in m, and stops per minute."""
 
     visits: float
     joins: float
@@ -76,6 +76,10 @@ class Habits(NamedTuple):
     sit_high: float
     pause_low: float
     pause_high: float
+    stops: float
+    stop_low: float
+    stop_high: float
+    detours: float
     door_depth: float
     is_lively: bool
 
@@ -85,7 +89,7 @@ def habits_of(scene: Scene, clearance: float) -> Habits:
     s = scene.social
     return Habits(
         s.visits, s.joins, s.meets, s.leaves, s.sits, s.queues, s.exits, *s.visit_time, *s.talk_time, *s.sit_time,
-        *s.pause, clearance + _MARGIN, s.is_lively,
+        *s.pause, s.stops, *s.stop_time, s.detours, clearance + _MARGIN, s.is_lively,
     )  # fmt: skip
 
 

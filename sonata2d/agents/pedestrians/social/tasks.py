@@ -29,6 +29,7 @@ class Tasks(NamedTuple):
         may_queue_from: (N,) of int, tick, of those who were served.
         has_walked: (N,) of bool, no task since the last walk: may take one on the next arrival.
         may_take_part: (N,) of bool, pedestrians that take part in social life.
+        may_meet: (N,) of bool, pedestrians that stop to talk when they meet others: the same, and those with goals.
         may_lead_out: (N,) of bool, wandering members of groups, which leave together.
         sits_on: (N,) of int, index in the scene's furniture of each pedestrian's seat from sitting down until it stands
             again; -1 for none.
@@ -47,6 +48,7 @@ class Tasks(NamedTuple):
     may_queue_from: Ints
     has_walked: Bools
     may_take_part: Bools
+    may_meet: Bools
     may_lead_out: Bools
     sits_on: Ints
     is_leaving: Bools
@@ -96,6 +98,7 @@ def tasks_of(scene: Scene, stays: Bools) -> Tasks:
     grouped = {member for group in scene.groups if group.kind == "walking" for member in group.members}
     is_grouped = np.array([human.id in grouped for human in humans], dtype=bool)
     has_own_path = np.array([human.behaviour in ("walking", "recorded") for human in humans], dtype=bool)
+    walks = np.array([human.behaviour == "walking" for human in humans], dtype=bool)
     wanders = np.array([human.behaviour == "wandering" for human in humans], dtype=bool)
     return zeros(
         Tasks,
@@ -103,6 +106,7 @@ def tasks_of(scene: Scene, stays: Bools) -> Tasks:
         target=np.full(count, -1),
         has_walked=np.ones(count, dtype=bool),
         may_take_part=~is_grouped & ~has_own_path & stays,
+        may_meet=~is_grouped & ((wanders & stays) | walks),
         may_lead_out=is_grouped & wanders & stays,
         sits_on=np.full(count, -1),
         is_changed=np.ones(1, dtype=bool),

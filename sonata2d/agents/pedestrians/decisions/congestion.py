@@ -1,0 +1,94 @@
+"""Choice of another way round a passage before which people queue."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ....core.barrier_grid import set_barrier
+from ....core.compiled.kernel import kernel, subroutine
+from ....core.compiled.packing import unpack
+from ....core.compiled.scalar import END_X, END_Y, START_X, START_Y
+from ....core.portable_math import Array
+from ..crowd_state import CrowdState
+from ..passages import first_on_path, people_ahead, width_of
+from ..wayfinding import LONGEST_PATH, path_length, set_path, use_added
+from .acts import shorter_path, ticks, x_of, y_of
+
+_INTERVAL = 2.0  # s, between two looks at the queue of one pedestrian
+_FLOW = 1.9  # 1/(m s), of a passage; Seyfried et al., Transportation Science 43 (2009) 395
+_GAIN = 3.0  # s, that another way must save
+
+
+@kernel
+def avoid_queues(packed_state: Any, tick: int) -> None:
+    """Let pedestrians take another way if it is faster than to queue before the next passage on theirs.
+
+    A way takes the time of walking, or longer where the people ahead need more time to pass. Members of a group stay
+    on the way of their group.
+
+    Args:
+        packed_state: packed `CrowdState`, updated.
+        tick: that begins.
+    """
+    crowd = unpack(packed_state, CrowdState)
+    routes, passages = crowd.routes, crowd.passages
+    period = max(ticks(crowd, _INTERVAL), 1)
+    route = np.empty((LONGEST_PATH, 2))
+    for n in range(routes.walkers[0]):
+        k = routes.order[n]
+        is_alone = routes.first[k] == k and routes.leader[k] == k
+        if (tick + k) % period != 0 or not is_alone or not crowd.is_present[k] or not crowd.company.is_walking[k]:
+            continue
+        rest = _rest_of_path(crowd, k, route)
+        if rest < 2 or routes.is_partial[k]:
+            continue
+        g, distance = first_on_path(passages, route, rest)
+        if g < 0 or distance <= 0.0:
+            continue
+        present = _duration(crowd, k, route, rest)
+        walking = path_length(route, rest) / crowd.intentions.preferred_speed[k]
+        if present < walking + _GAIN:
+            continue
+        end_x, end_y = route[rest - 1, 0], route[rest - 1, 1]
+        count = _path_without(crowd, k, g, end_x, end_y, route)
+        if count > 0 and _duration(crowd, k, route, count) < present - _GAIN:
+            set_path(routes, crowd.journeys, k, route, count, 1)
+
+
+@subroutine
+def _rest_of_path(crowd: CrowdState, k: int, route: Array) -> int:
+    """Write the rest of the path of pedestrian k, from where it is, into a route, (R, 2), m; the number of points."""
+    routes, count = crowd.routes, 1
+    route[0, 0], route[0, 1] = x_of(crowd, k), y_of(crowd, k)
+    for n in range(max(routes.next[k], 0), routes.length[k]):
+        route[count, 0], route[count, 1] = routes.path[k, n, 0], routes.path[k, n, 1]
+        count += 1
+    return count
+
+
+@subroutine
+def _duration(crowd: CrowdState, k: int, route: Array, count: int) -> float:
+    """Time that pedestrian k expects to need for a route, s: it also waits for the people before the first passage."""
+    speed = crowd.intentions.preferred_speed[k]
+    walking = float(path_length(route, count) / speed)
+    g, distance = first_on_path(crowd.passages, route, count)
+    if g < 0:
+        return walking
+    waiting = people_ahead(crowd.passages, g, k, distance) / (_FLOW * width_of(crowd.passages, g))
+    return walking + max(float(waiting - distance / speed), 0.0)
+
+
+@subroutine
+def _path_without(crowd: CrowdState, k: int, g: int, end_x: float, end_y: float, route: Array) -> int:
+    """The path of pedestrian k that does not lead through passage g: the number of points, 0 without such a path."""
+    obstacles, gate = crowd.obstacles, crowd.passages.gates.table[g]
+    added = obstacles.space.added
+    if added.used[0] == len(added.table):
+        return 0
+    set_barrier(added.table, added.used[0], gate[START_X], gate[START_Y], gate[END_X], gate[END_Y], 0.0)
+    use_added(obstacles, added.used[0] + 1)
+    count = shorter_path(crowd, x_of(crowd, k), y_of(crowd, k), end_x, end_y, route)
+    use_added(obstacles, added.used[0] - 1)
+    return count
