@@ -55,7 +55,7 @@ def scene_of(n: Number) -> s2.Scene:
     walker = Human(
         1, s2.Pose(n(3), n(4), n(0)), desired_speed=n(1), behaviour="walking", reacts_to_robot=n(1),
         robot_clearance=n(1), goals=((n(10), n(4)), (n(3), n(4))), velocity=(n(1), n(0)), stays=(n(1),), headway=n(1),
-        politeness=n(1), radius=n(1), breadth=n(2),
+        politeness=n(1), radius=n(1), breadth=n(2), pre_movement=n(1), reaction_time=n(1),
     )  # fmt: skip
     recorded = Human(2, s2.Pose(n(8), n(2)), behaviour="recorded", track=((n(8), n(2)), (n(8), n(3))))
     doors = (s2.Door(1, s2.Pose(n(0), n(5), n(0)), n(1), n(1)),)

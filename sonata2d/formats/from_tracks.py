@@ -25,7 +25,7 @@ from ..scenegen.scenario.people import path_segments
 from ..scenegen.scenario.sections import GoalConfig
 from . import estimates
 from .format import Options
-from .tracks.habits import Habits, habits_of, stands_at_ends
+from .tracks.habits import NONE, Habits, habits_of, stands_at_ends
 from .tracks.judgement import TrackSummary
 from .tracks.observations import Track
 from .tracks.reading import read_tracks
@@ -151,7 +151,8 @@ def scenario_and_summary(
     begin = round(start / tracks.interval) * tracks.interval
     parts = _in_window(tracks.people, begin, begin + seconds, path)
     _check_replay_ids(set(replay), [part.id for part, _ in parts], path)
-    habits = habits_of([part for part, _ in parts], tracks.walls)
+    # the ways of people who meet a robot tell how they avoid it
+    habits = NONE if tracks.robot else habits_of([part for part, _ in parts], tracks.walls)
     rows = [
         _replayed_person(part, whole, speed)
         if (part.id in replay if replay else people == "replayed")

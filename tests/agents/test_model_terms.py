@@ -40,6 +40,7 @@ def agents(
         shoulder=np.zeros(count),
         headway=np.ones(count),
         politeness=np.ones(count),
+        heed=np.zeros(count),
         steering=np.zeros((count, 2)),
     )
 

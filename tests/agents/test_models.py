@@ -49,6 +49,7 @@ def random_walkers(seed: int = 0) -> Walkers:
         shoulder=rng.uniform(0.0, 0.1, COUNT),
         headway=rng.uniform(0.7, 1.4, COUNT),
         politeness=rng.uniform(0.7, 1.4, COUNT),
+        heed=np.zeros(COUNT),
         steering=np.zeros((COUNT, 2)),
     )
 

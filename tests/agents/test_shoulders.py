@@ -25,7 +25,7 @@ def walkers(*others: tuple[float, float], shoulder: float = SHOULDER) -> Walkers
     return Walkers(
         np.array([(0.0, 0.0), *others]), np.zeros((count, 2)), east, east, ones, PERSON_RADIUS * ones, ones > 0.0,
         **neighbour_lists(1.0 - np.eye(count)), group=np.full(count, -1), is_abreast=ones > 0.0,
-        shoulder=shoulder * ones, headway=ones, politeness=ones, steering=np.zeros((count, 2)),
+        shoulder=shoulder * ones, headway=ones, politeness=ones, heed=0.0 * ones, steering=np.zeros((count, 2)),
     )  # fmt: skip
 
 

@@ -253,7 +253,7 @@ def walkers_at(position: list[tuple[float, float]], velocity: list[tuple[float, 
     return Walkers(
         np.array(position), np.array(velocity), east, east, 1.3 * ones, CONTACT_DISTANCE / 2 * ones, ones > 0.0,
         **neighbour_lists(1.0 - np.eye(count)), group=np.full(count, group), is_abreast=ones > 0.0,
-        shoulder=0.0 * ones, headway=ones, politeness=ones, steering=np.zeros((len(ones), 2)),
+        shoulder=0.0 * ones, headway=ones, politeness=ones, heed=0.0 * ones, steering=np.zeros((len(ones), 2)),
     )  # fmt: skip
 
 

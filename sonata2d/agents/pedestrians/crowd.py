@@ -429,6 +429,7 @@ def _react(crowd: CrowdState, tick: int, humans: Array, is_present: BoolArray) -
             reactions, k, robots, humans, social.is_walking[k], intentions.robot_in_sight[k], dt
         ):
             any_notices = True
+        walkers.heed[k] = reactions.weight[k] if reactions.notices[k] else 0.0
     direction, speed = walkers.desired_direction, walkers.desired_speed
     for k in range(len(humans)):
         if not is_present[k]:

@@ -14,6 +14,7 @@ from .observations import Track, interpolated
 _STEP, _SMOOTHED = 0.4, 3  # s, and positions over which the mean is taken
 _WALKING_SPEED, _SETTING_OFF_SPEED, _STANDING_SPEED = 0.3, 0.5, 0.2  # m/s
 _SHORTEST_STOP = 3  # steps
+_FEWEST_WAYS = 10  # from which the deviation of their largest distances is estimated
 _SHORTEST_WAY = 3.0  # m, from the first to the last position
 _OWN_DETOUR = 0.037  # `Habits.detours` of simulated people without via points, who deviate from their course
 _NORMAL = 1.4826  # ratio of the standard deviation of a normal distribution to the median of the absolute value
@@ -45,11 +46,14 @@ class Habits(NamedTuple):
         return low + (high - low) / 4.0
 
 
+NONE = Habits(0.0, (_SHORTEST_STOP * _STEP, _SHORTEST_STOP * _STEP), 0.0)
+
+
 def habits_of(people: Sequence[Track], walls: Array) -> Habits:
     """Estimate the habits of recorded people.
 
-    A stop lasts 1.2 s or longer, and the person walks before and after it. Only ways that no wall blocks tell how wide
-    people go.
+    A stop lasts 1.2 s or longer, and the person walks before and after it. How wide people go is estimated from ways of
+    3 m and more that no wall blocks; with fewer than ten of these, there are no habits.
 
     Args:
         people: their tracks.
@@ -68,7 +72,9 @@ def habits_of(people: Sequence[Track], walls: Array) -> Habits:
         detour = _detour(position)
         if detour is not None and not _is_blocked(position, barriers):
             detours.append(detour)
-    detour = _NORMAL * float(np.median(detours)) if detours else 0.0
+    if len(detours) < _FEWEST_WAYS:
+        return NONE
+    detour = _NORMAL * float(np.median(detours))
     low = _SHORTEST_STOP * _STEP
     # the mean of the times, whose distribution is that of `Social.stop_time`
     high = low + 4.0 * (float(np.mean(durations)) - low) if durations else low

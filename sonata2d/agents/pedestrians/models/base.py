@@ -51,6 +51,7 @@ class Walkers(NamedTuple):
         shoulder: (M,), half the length of the shoulder line, across `body_direction`, m; 0 for a disc.
         headway, politeness: (M,), factors of each agent's time gap to those ahead and of the strength with which it
             avoids others; 1 on average.
+        heed: (M,), how much each agent heeds a robot that it has in view, in [0, 1].
         steering: (M, 2), output: unit vectors of the directions that the model chose, to which the bodies of slow
             walkers turn; zero, as they come, where a model chooses none.
     """
@@ -72,6 +73,7 @@ class Walkers(NamedTuple):
     shoulder: Floats
     headway: Floats
     politeness: Floats
+    heed: Floats
     steering: Floats2
 
 

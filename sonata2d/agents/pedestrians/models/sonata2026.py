@@ -65,7 +65,7 @@ class Sonata2026(NamedTuple):
     wander: float = 0.11
     pace_deviation: float = 0.095
     deviation_time: float = 0.977
-    crowd: float = 1.8
+    crowd: float = 1.2
 
 
 PARAMETERS = Sonata2026()
@@ -463,7 +463,8 @@ def own_course(walkers: Walkers, i: int, memory: Memory, parameters: Sonata2026)
     """Angle by which agent i deviates from its direction, rad, and factor of its desired speed.
 
     Members of a group share the deviations of the first one that walks near by, so that they stay together. In a
-    crowd a walker goes where others leave room: its deviations fade.
+    crowd a walker goes where others leave room: its deviations fade. That of the course is halved while it heeds a
+    robot.
     """
     p, lead, crowd = parameters, i, 0.0
     for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
@@ -476,7 +477,7 @@ def own_course(walkers: Walkers, i: int, memory: Memory, parameters: Sonata2026)
     square = (crowd / p.crowd) * (crowd / p.crowd)
     share = 1.0 / (1.0 + square * square)
     course, pace = memory.deviation[lead, _COURSE], memory.deviation[lead, _PACE]
-    course = clipped(p.wander * share * course, -_MOST_WANDER, _MOST_WANDER)
+    course = clipped(p.wander * share / (1.0 + walkers.heed[i]) * course, -_MOST_WANDER, _MOST_WANDER)
     return course, exp(clipped(p.pace_deviation * share * pace, -_MOST_PACE, _MOST_PACE))
 
 
