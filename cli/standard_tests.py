@@ -43,7 +43,7 @@ building to its parameters (RiMEA 8).
 )
 @click.option("--only", multiple=True, metavar="TEST", help="Name of a test to run; can be repeated.  [default: all]")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of positions, speeds and decisions.")
-@click.option("-o", "--out", type=PATH, help="Also write the findings as a page in Markdown.")
+@click.option("-o", "--output", "out", type=PATH, help="Also write the findings as a page in Markdown.")
 @json_option
 def command(model: str, size: Literal["small", "full"], only: tuple[str, ...], seed: int, out: Path | None) -> None:
     """Run the standard tests of pedestrian models: RiMEA, NIST TN 1822, ISO 20414.

@@ -59,7 +59,7 @@ def episode_digest(name: str) -> str:
     return hashlib.sha256(orjson.dumps(orjson.loads(recorder.document())["frames"])).hexdigest()
 
 
-COUNTED = {"contacts": ("lively", 1, StraightToGoal), "commands_beyond_limits": ("waiting-room", 2, Orca)}
+COUNTED = {"contacts": ("lively", 20, StraightToGoal), "commands_beyond_limits": ("waiting-room", 2, Orca)}
 
 
 def counts() -> dict[str, Any]:

@@ -58,6 +58,7 @@ def walkers_at(position: Array, group: IntArray, capacity: int) -> Walkers:
         numbers,
         numbers,
         numbers,
+        numbers,
         vectors,
     )
 

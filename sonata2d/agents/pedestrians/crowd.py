@@ -47,6 +47,7 @@ from .neighbours import find_neighbours, find_walls, with_lists, with_longer_lis
 from .orientation import HEAD_LEAD_TIME, IDLE_SPEED, MINIMUM_HEAD_LEAD, facing, gaze, initial_glances
 from .passages import find_passages, give_way
 from .reactions import (
+    HEED_RANGE,
     adjust_course,
     apply_adjustment,
     choose_robot,
@@ -429,7 +430,8 @@ def _react(crowd: CrowdState, tick: int, humans: Array, is_present: BoolArray) -
             reactions, k, robots, humans, social.is_walking[k], intentions.robot_in_sight[k], dt
         ):
             any_notices = True
-        walkers.heed[k] = reactions.weight[k] if reactions.notices[k] else 0.0
+        is_near = reactions.notices[k] and reactions.gap[k] < HEED_RANGE
+        walkers.heed[k] = reactions.weight[k] if is_near else 0.0
     direction, speed = walkers.desired_direction, walkers.desired_speed
     for k in range(len(humans)):
         if not is_present[k]:

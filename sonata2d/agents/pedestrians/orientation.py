@@ -4,6 +4,7 @@
   turns to the point on the path 1 s ahead, so that it leads the body, and at times to companions.
 - Pedestrians that talk face their partner, or the centre of the group, and look from face to face; pedestrians that
   attend to an object face it.
+- People who stand turn a little to a robot that comes close.
 - Glances at the robot, when it is near and in view, or follows behind, are short for `avoids`, longer for `stops`,
   long and frequent for `curious` and `scared`; pedestrians that ignore the robot never look at it. A pedestrian that
   stops for the robot, or is curious, looks at nothing else, and turns its body to the robot.
@@ -27,11 +28,12 @@ from ...core.philox import Draws, uniform
 from ...core.portable_math import Array
 from ...core.scene import Scene
 from .reactions import AVOIDS, CURIOUS, SCARED, STOPS, Reactions
-from .social.company import Company
+from .social.company import SITTING, Company
 
 HEAD_LEAD_TIME = 1.0  # s, by which the head leads the path
 MINIMUM_HEAD_LEAD = 0.8  # m, minimum distance ahead on the path
 _LEAD_COSINE, _LEAD_SINE = 0.8191520442889918, 0.573576436351046  # of 35 degrees, the most a body leads its course by
+_TURN_RANGE = 0.7  # m, clearance of a robot within which people who stand turn to it, by the same angle at most
 IDLE_SPEED = 0.3  # m/s: slower bodies turn freely
 
 # Columns of the times of glances: shortest and longest look, and shortest and longest pause after it, s; and the
@@ -105,7 +107,11 @@ def facing(
             return turned_towards(vx / speed, vy / speed, ux, uy, _LEAD_COSINE, _LEAD_SINE, side)
         return ux, uy
     x, y = _facing_point(k, humans, social)
-    return unit_or(x - humans[k, X], y - humans[k, Y], 0.05, humans[k, BODY_X], humans[k, BODY_Y])
+    ux, uy = unit_or(x - humans[k, X], y - humans[k, Y], 0.05, humans[k, BODY_X], humans[k, BODY_Y])
+    if reactions.notices[k] and reactions.gap[k] < _TURN_RANGE and social.posture[k] != SITTING:
+        to_x, to_y = reactions.robot_direction[k, 0], reactions.robot_direction[k, 1]
+        return turned_towards(ux, uy, to_x, to_y, _LEAD_COSINE, _LEAD_SINE, side)
+    return ux, uy
 
 
 @subroutine

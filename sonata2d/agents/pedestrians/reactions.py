@@ -47,6 +47,7 @@ _SOCIAL_DISTANCE, _FAR_SOCIAL_DISTANCE = 1.2, 2.1
 _VIEW_COSINE = -0.35  # of 110 degrees, the angle from the direction of body or head up to which the robot is seen
 _APPROACH_SPEED = 0.1  # m/s towards the pedestrian, above which the robot approaches
 _FAST_APPROACH_SPEED = 0.2  # m/s, above which curious pedestrians evade the robot
+HEED_RANGE = 3.0  # m, clearance within which pedestrians keep their course
 _INTEREST_RANGE = 4.0  # m, clearance within which pedestrians become curious
 _HURRY, _EVASION_SPEED = 1.15, 0.8  # largest speed past a robot, as a factor of the own one, and if that is small, m/s
 # s, over which a walker comes to a stand before a robot that blocks its way, and m, what it keeps beyond its clearance
@@ -327,15 +328,20 @@ def _preferred_velocity(
 ) -> Vector:
     """The velocity that the reaction asks for, m/s, before a collision with the robot is avoided."""
     kind, wanted = reactions.kind[k], reactions.wanted[k]
-    if not reactions.faces_robot[k] or (kind == CURIOUS and not reactions.is_alone[k]):
-        wanted[0], wanted[1] = walkers.velocity[k, 0], walkers.velocity[k, 1]
-        return desired_x, desired_y
-    approach = 0.0
-    if kind == CURIOUS:
-        excess = reactions.gap[k] - _SOCIAL_DISTANCE
-        approach = min(math.sqrt(_BRAKING * excess), speed) if excess > 0.0 else max(2.0 * excess, -0.4)
-    dx = approach * reactions.robot_direction[k, 0] - wanted[0]
-    dy = approach * reactions.robot_direction[k, 1] - wanted[1]
+    is_interested = kind == CURIOUS and reactions.is_alone[k]
+    if not reactions.faces_robot[k] or (kind == CURIOUS and not is_interested):
+        # One that has lost interest turns away from the robot by the same acceleration.
+        if not (is_interested and reactions.is_exhausted[k]):
+            wanted[0], wanted[1] = walkers.velocity[k, 0], walkers.velocity[k, 1]
+            return desired_x, desired_y
+    else:
+        approach = 0.0
+        if kind == CURIOUS:
+            excess = reactions.gap[k] - _SOCIAL_DISTANCE
+            approach = min(math.sqrt(_BRAKING * excess), speed) if excess > 0.0 else max(2.0 * excess, -0.4)
+        desired_x = approach * reactions.robot_direction[k, 0]
+        desired_y = approach * reactions.robot_direction[k, 1]
+    dx, dy = desired_x - wanted[0], desired_y - wanted[1]
     scale = min(_BRAKING * dt / max(length(dx, dy), 1e-6), 1.0)
     wanted[0], wanted[1] = wanted[0] + dx * scale, wanted[1] + dy * scale
     return float(wanted[0]), float(wanted[1])

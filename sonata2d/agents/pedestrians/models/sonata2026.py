@@ -51,7 +51,7 @@ class Sonata2026(NamedTuple):
     headway_half_width: float = 0.329
     standstill_gap: float = -0.248
     time_gap: float = 1.21
-    matching_time: float = 0.873
+    matching_time: float = 1.1
     look_ahead_time: float = 1.014
     temperature: float = 0.071
     side_bonus: float = 0.107
@@ -63,7 +63,7 @@ class Sonata2026(NamedTuple):
     cohesion: float = 0.229
     spacing: float = 1.062
     wander: float = 0.11
-    pace_deviation: float = 0.095
+    pace_deviation: float = 0.1
     deviation_time: float = 0.977
     crowd: float = 1.2
 
