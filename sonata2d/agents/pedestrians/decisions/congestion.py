@@ -19,6 +19,7 @@ from .acts import shorter_path, ticks, x_of, y_of
 _INTERVAL = 2.0  # s, between two looks at the queue of one pedestrian
 _FLOW = 1.9  # 1/(m s), of a passage; Seyfried et al., Transportation Science 43 (2009) 395
 _GAIN = 3.0  # s, that another way must save
+_MOST_SEARCHES = 2  # for other ways in a tick, which bounds its duration in large crowds
 
 
 @kernel
@@ -34,10 +35,10 @@ def avoid_queues(packed_state: Any, tick: int) -> None:
     """
     crowd = unpack(packed_state, CrowdState)
     routes, passages = crowd.routes, crowd.passages
-    period = max(ticks(crowd, _INTERVAL), 1)
+    period, searches, count = max(ticks(crowd, _INTERVAL), 1), 0, routes.walkers[0]
     route = np.empty((LONGEST_PATH, 2))
-    for n in range(routes.walkers[0]):
-        k = routes.order[n]
+    for n in range(count):
+        k = routes.order[(n + tick) % count]  # another one is first in each tick
         is_alone = routes.first[k] == k and routes.leader[k] == k
         if (tick + k) % period != 0 or not is_alone or not crowd.is_present[k] or not crowd.company.is_walking[k]:
             continue
@@ -51,10 +52,12 @@ def avoid_queues(packed_state: Any, tick: int) -> None:
         walking = path_length(route, rest) / crowd.intentions.preferred_speed[k]
         if present < walking + _GAIN:
             continue
-        end_x, end_y = route[rest - 1, 0], route[rest - 1, 1]
-        count = _path_without(crowd, k, g, end_x, end_y, route)
-        if count > 0 and _duration(crowd, k, route, count) < present - _GAIN:
-            set_path(routes, crowd.journeys, k, route, count, 1)
+        end_x, end_y, searches = route[rest - 1, 0], route[rest - 1, 1], searches + 1
+        size = _path_without(crowd, k, g, end_x, end_y, route)
+        if size > 0 and _duration(crowd, k, route, size) < present - _GAIN:
+            set_path(routes, crowd.journeys, k, route, size, 1)
+        if searches == _MOST_SEARCHES:
+            break
 
 
 @subroutine
