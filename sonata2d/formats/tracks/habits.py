@@ -108,7 +108,7 @@ def _stops(speed: Array) -> list[float]:
     """Durations of the stops in a row of speeds, s."""
     edges = np.flatnonzero(np.diff(np.r_[0, speed < _STANDING_SPEED, 0]))
     return [
-        _STEP * float(end - start)
+        _STEP * float(end - start + _SMOOTHED - 1)  # running means shorten a stop by a step at each end
         for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
         if end - start >= _SHORTEST_STOP
         and speed[:start].max(initial=0.0) > _SETTING_OFF_SPEED
