@@ -42,7 +42,9 @@ building to its parameters (RiMEA 8).
     help="full: the numbers of people of the guidelines; takes minutes.",
 )
 @click.option("--only", multiple=True, metavar="TEST", help="Name of a test to run; can be repeated.  [default: all]")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of positions, speeds and decisions.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Of positions, speeds and decisions."
+)
 @click.option("-o", "--output", "out", type=PATH, help="Also write the findings as a page in Markdown.")
 @json_option
 def command(model: str, size: Literal["small", "full"], only: tuple[str, ...], seed: int, out: Path | None) -> None:

@@ -98,8 +98,8 @@ class Social:
             stands where it disturbs nobody, and then goes on to its destination.
         stop_time: shortest and longest duration of a stop, s; half of the stops last less than the shortest time and
             an eighth of the difference.
-        detours: standard deviation of the distance at which pedestrians pass beside the middle of their way, as a
-            fraction of its length: on straight ways of 3 m and more they walk by a via point.
+        detours: standard deviation of the distance of via points from a straight way, as a fraction of its length. On
+            straight ways of 3 m and more, pedestrians walk by a via point between a quarter and three quarters of it.
     """
 
     visits: Fraction = 0.0

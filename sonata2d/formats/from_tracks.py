@@ -266,7 +266,7 @@ def _simulated_person(track: Track, whole: Track, end: float, default_speed: flo
         shortest = habits.stop_time[0]
         row["pre_movement"] = [shortest, quantised(2.0 * habits.mean_stop - shortest)]
     # Who stands when the window ends has not left.
-    if not (stands_at_last and whole.time[-1] - whole.time[0] + enters > end - _END):
+    if not (stands_at_last and track.time[-1] > end - _END):
         row["exits"] = True
     return row | _group(track) | _desired_speed(whole, default_speed)
 

@@ -59,7 +59,9 @@ class ReactionSampler:
         reaction_time = None if given is None else given.reaction_time
         if pre_movement is None and human.enters == 0:
             pre_movement = self._person.pre_movement
-        if pre_movement is not None and human.behaviour in ("wandering", "walking"):
+        # people who sit or queue at first, or enter later, go when they are ready
+        walks = human.behaviour in ("wandering", "walking") and human.queue is None and human.seat is None
+        if pre_movement is not None and walks:
             changes["pre_movement"] = quantised(pre_movement.draw(rng))
         changes["reaction_time"] = quantised((reaction_time or self._person.reaction_time).draw(rng))
         return replace(human, reaction=chosen, robot_clearance=clearance, **changes)

@@ -326,9 +326,12 @@ def _group(setting: _Setting) -> _Outcome:
 
 
 def _door(setting: _Setting) -> _Outcome:
-    """A crowd leaves a room by a door of 1 m."""
-    count = setting.number(60, 100)
-    walls = _walls([*_wall_with_gaps(0.0, -4.0, 4.0, [0.0]), (-4, 0, -4, 12), (4, 0, 4, 12), (-4, 12, 4, 12)])
+    """A crowd leaves a room by a door of 1 m in a wall of 0.2 m."""
+    count = setting.number(80, 100)
+    walls = _walls([
+        *_wall_with_gaps(0.0, -4.0, 4.0, [0.0]), *_wall_with_gaps(-0.2, -4.0, 4.0, [0.0]),
+        (-0.5, 0, -0.5, -0.2), (0.5, 0, 0.5, -0.2), (-4, 0, -4, 12), (4, 0, 4, 12), (-4, 12, 4, 12),
+    ])  # fmt: skip
     start = _lattice(setting, count, -3.5, 0.6, 3.5, 0.6 + count / 2.5 / 7.0)
     goals = [(0.3 * x / 3.5, -_FAR) for x in start[:, 0]]
     track = _tracks(_scene(setting, start, goals, setting.speeds(count), walls), 120.0)
@@ -384,20 +387,25 @@ def _scene(
     setting: _Setting, start: Sequence[tuple[float, float]] | Array, goals: Sequence[tuple[float, float]] | Array,
     speeds: Sequence[float] | Array, walls: Array, groups: IntArray | None = None,
 ) -> Scene:  # fmt: skip
-    """A scene of people who stand at first, each with a goal."""
+    """A scene of people who start at rest, each with a goal at which it leaves."""
     places = np.array(start, dtype=float)
-    return scene_from_state(
+    scene = scene_from_state(
         places, np.zeros_like(places), np.array(goals, dtype=float), np.array(speeds, dtype=float), walls, groups,
         dt=_DT, model=setting.model, radius=PERSON_RADIUS, breadth=PERSON_BREADTH, seed=setting.seed,
     )  # fmt: skip
+    return replace(scene, humans=tuple(replace(human, exits=True) for human in scene.humans))
 
 
 def _tracks(scene: Scene, seconds: float, is_out: Callable[[Array], BoolArray] | None = None) -> Array:
     """Positions at all ticks, (T, N, 2), m, until everybody is out, or for a time, s."""
-    world, crowd, positions = World(scene), Crowd(scene), []
+    world, crowd = World(scene), Crowd(scene)
+    positions: list[Array] = []
     for _ in range(round(seconds / _DT)):
         snapshot = world.snapshot()
-        positions.append(snapshot.humans.position)
+        place, is_present = snapshot.state.humans[:, :2].copy(), snapshot.state.is_present
+        if is_present is not None:  # those who have left stay where they were seen last
+            place[~is_present] = positions[-1][~is_present]
+        positions.append(place)
         if is_out is not None and is_out(positions[-1]).all():
             break
         world.step(Twist(), crowd.act(snapshot))

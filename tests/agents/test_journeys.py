@@ -97,7 +97,6 @@ def test_who_was_served_does_something_else_next() -> None:
 # Seats
 
 
-@pytest.mark.usefixtures("motionless")
 def test_a_seat_holds_one_person_who_faces_its_front_and_gets_up_again() -> None:
     people = [walker(k, 1.5 * k - 4.0, -2.0) for k in (1, 2, 3)]
     scene = room(people, [CHAIR], social=Social(sits=1.0, sit_time=(6.0, 6.0)), robot=CORNER, seed=1)

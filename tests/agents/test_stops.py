@@ -151,7 +151,8 @@ def test_a_reaction_to_the_robot_comes_after_the_reaction_time() -> None:
                 return tick
         return 100
 
-    assert first_notice(0.8) == first_notice(0.0) + 8
+    without = first_notice(0.0)
+    assert [first_notice(time) - without for time in (0.1, 0.3, 0.8, 1.0)] == [1, 3, 8, 10]
 
 
 def test_people_with_goals_who_meet_talk_and_go_on() -> None:
@@ -210,3 +211,72 @@ def test_wandering_people_stand_apart_from_strangers_and_do_not_face_walls() -> 
     assert (gaps > 0.6).mean() > 0.95
     assert (faced_walls < 4.0).all()
     assert np.median(walls) > 0.65
+
+
+def test_a_via_point_on_which_a_robot_stands_is_given_up() -> None:
+    human = walker(1, -6.0, 0.0, behaviour="walking", goals=((6.0, 0.0),))
+    for seed in range(4):
+        scene = room([human], polygon=HALL, robot=Pose(0.0, -10.0), social=Social(detours=0.3), seed=seed)
+        world, crowd = World(scene), Crowd(scene)
+        crowd.act(world.snapshot())
+        via = crowd.state.routes.destination[0].copy()
+        scene = replace(scene, robot=replace(scene.robot, pose=Pose(*via.tolist())))
+        track, _ = tracks(scene, 60.0)
+        assert track[-1, 0] == pytest.approx((6.0, 0.0), abs=0.8)
+
+
+def test_a_person_that_meets_another_as_it_enters_goes_to_its_goal_afterwards() -> None:
+    people = [
+        walker(1, -12.0, -8.0, behaviour="walking", goals=((20.0, -8.0),)),
+        walker(2, -11.0, -8.5, behaviour="walking", goals=((-11.0, -25.0),), enters=6),
+    ]
+    scene = room(people, polygon=HALL, robot=CORNER, social=Social(meets=1.0, talk_time=(3.0, 3.0)))
+    world, crowd = World(scene), Crowd(scene)
+    for _ in range(300):
+        world.step(Twist(), crowd.act(world.snapshot()))
+        onward = crowd.state.routes.onward[1]
+        assert np.isnan(onward).all() or onward == pytest.approx((-11.0, -25.0))
+
+
+def test_members_of_a_group_stay_together_before_a_crowded_door() -> None:
+    walls = [
+        Wall((-10.0, 0.0), (-5.4, 0.0)), Wall((-4.6, 0.0), (2.6, 0.0)), Wall((3.4, 0.0), (10.0, 0.0)),
+        Wall((-10.0, 0.0), (-10.0, 10.0)), Wall((10.0, 0.0), (10.0, 10.0)), Wall((-10.0, 10.0), (10.0, 10.0)),
+    ]  # fmt: skip
+    places = [(-8.0 + 0.7 * (k % 8), 2.0 + 0.7 * (k // 8)) for k in range(40)]
+    people = [
+        walker(k + 1, *place, behaviour="walking", goals=((-5.0, -12.0),), group=1 + k // 2)
+        for k, place in enumerate(places)
+    ]
+    groups = tuple(Group(1 + k, "walking", (2 * k + 1, 2 * k + 2)) for k in range(20))
+    track, _ = tracks(room(people, inner=walls, polygon=HALL, robot=CORNER, seed=1, groups=groups), 60.0)
+    is_out = track[:, :, 1] < 0.0
+    by_right = track[is_out.argmax(axis=0), np.arange(40), 0] > 0.0
+    assert (by_right[::2] == by_right[1::2]).all()
+
+
+def test_a_group_has_via_points_on_every_leg() -> None:
+    goals = ((-10.0, 0.0), (5.0, 0.0), (20.0, 0.0))
+    found = 0
+    for seed in range(4):
+        pair = [walker(k, -25.0, 0.8 * k, group=7, behaviour="walking", goals=goals) for k in (1, 2)]
+        scene = room(
+            pair,
+            polygon=HALL,
+            robot=CORNER,
+            social=Social(detours=0.2),
+            groups=(Group(7, "walking", (1, 2)),),
+            seed=seed,
+        )
+        world, crowd, had = World(scene), Crowd(scene), False
+        for _ in range(450):
+            world.step(Twist(), crowd.act(world.snapshot()))
+            has = not np.isnan(crowd.state.routes.onward[0, 0])
+            found += has and not had
+            had = has
+    assert found >= 8  # of 12 legs
+
+
+def test_a_pre_movement_time_needs_a_person_that_walks() -> None:
+    with pytest.raises(s2.errors.ConfigError, match=r"people\.0\.pre_movement: pre_movement needs a person that walks"):
+        s2.load_scenario("empty").changed(people=[{"x": 0, "y": 0, "pre_movement": [3, 3]}])

@@ -106,3 +106,18 @@ def test_people_who_meet_a_robot_tell_nothing_of_their_habits(tmp_path: Path) ->
     file = csv_of(tmp_path, positions | {20: way(0.0)}, robot=20)
     config = scenario_from_tracks(file, people="simulated", frame_time=STEP, seconds=15.0)
     assert (config.social.stops, config.social.detours) == (0.0, 0.0)
+
+
+def test_two_people_one_of_whom_stands_first_become_a_scenario(tmp_path: Path) -> None:
+    positions = {1: way(), 2: np.concatenate([np.repeat(way(5.0)[:1], 8, axis=0), way(5.0)])}
+    config = scenario_from_tracks(csv_of(tmp_path, positions), people="simulated", frame_time=STEP, seconds=15.0)
+    assert generate(config, seed=0).humans[1].pre_movement == 1.2
+
+
+def test_a_person_that_is_lost_before_the_window_ends_leaves(tmp_path: Path) -> None:
+    standing = np.concatenate([way(), np.repeat(way()[-1:], 10, axis=0)])
+    positions = {1: standing, 2: np.concatenate([way(5.0)] * 1 + [np.repeat(way(5.0)[-1:], 80, axis=0)])}
+    file = csv_of(tmp_path, positions)
+    for start, seconds in ((0.0, 20.0), (4.0, 13.0)):
+        config = scenario_from_tracks(file, people="simulated", frame_time=STEP, start=start, seconds=seconds)
+        assert [human.exits for human in generate(config, seed=0).humans] == [True, False]

@@ -386,7 +386,7 @@ def _decide(crowd: CrowdState, tick: int, humans: Array) -> None:
     if advance_on_paths(
         routes, tick, humans, is_present, calls.check_line, crowd.obstacles.for_space, crowd.obstacles.for_passable
     ):
-        call(calls.find_new_paths, (crowd,))
+        call(calls.find_new_paths, (crowd, tick))
     set_targets(routes, humans, is_present, crowd.obstacles.solids)
     for k in range(len(humans)):
         crowd.walkers.walks[k] = crowd.company.is_walking[k] and is_present[k]
@@ -502,7 +502,7 @@ def _orient(crowd: CrowdState, tick: int, humans: Array, is_present: BoolArray) 
             lag, intentions.twist_rate[k], rate, limit, crowd.obstacles.dt
         )
         intentions.wanted_twist[k], intentions.twist[k] = twist, intentions.twist[k] + change
-        if not social.is_walking[k]:
+        if not social.is_walking[k] and crowd.tasks.sits_on[k] < 0:
             c, s = crowd.idling.turn[k, 0], crowd.idling.turn[k, 1]
             facing_x, facing_y = facing_x * c - facing_y * s, facing_x * s + facing_y * c
         lead = max(speed * HEAD_LEAD_TIME, MINIMUM_HEAD_LEAD)
@@ -581,7 +581,7 @@ def _calls(is_stiff: bool) -> Calls:
         start_stops=address_of(start_stops, PACKED, INT),
         avoid_queues=address_of(avoid_queues, PACKED, INT),
         choose_destination=address_of(choose_destination, PACKED, INT, INT),
-        find_new_paths=address_of(find_new_paths, PACKED),
+        find_new_paths=address_of(find_new_paths, PACKED, INT),
         prepare=address_of(prepare, PACKED, INT, FLOATS2),
         accelerate=address_of(accelerate, PACKED),
         refresh=address_of(refresh, PACKED, FLOATS2) if is_stiff else np.zeros(2, dtype=np.int64),
@@ -634,9 +634,9 @@ def _walkers(scene: Scene) -> Walkers:
 
 
 def _group_speeds(scene: Scene) -> Array:
-    """Preferred speeds, (N,), m/s: groups walk at the speed of their slowest member.
+    """Preferred speeds, (N,), m/s: wandering groups walk at the speed of their slowest member.
 
-    Members with goals of their own differ in speed by `_PACE_RATIO` at most, as the mean speeds of recorded ones do.
+    Members with goals of their own are faster by `_PACE_RATIO` at most, as the mean speeds of recorded ones are.
     """
     speed = {human.id: human.desired_speed for human in scene.humans}
     wandering = {human.id for human in scene.humans if human.behaviour == "wandering"}

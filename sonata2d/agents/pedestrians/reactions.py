@@ -47,7 +47,7 @@ _SOCIAL_DISTANCE, _FAR_SOCIAL_DISTANCE = 1.2, 2.1
 _VIEW_COSINE = -0.35  # of 110 degrees, the angle from the direction of body or head up to which the robot is seen
 _APPROACH_SPEED = 0.1  # m/s towards the pedestrian, above which the robot approaches
 _FAST_APPROACH_SPEED = 0.2  # m/s, above which curious pedestrians evade the robot
-HEED_RANGE = 3.0  # m, clearance within which pedestrians keep their course
+HEED_RANGE = 3.0  # m, clearance within which pedestrians deviate less from their course
 _INTEREST_RANGE = 4.0  # m, clearance within which pedestrians become curious
 _HURRY, _EVASION_SPEED = 1.15, 0.8  # largest speed past a robot, as a factor of the own one, and if that is small, m/s
 # s, over which a walker comes to a stand before a robot that blocks its way, and m, what it keeps beyond its clearance
@@ -73,8 +73,8 @@ class Reactions(NamedTuple):
         kind: (N,) of int, the reaction of each pedestrian, see above.
         weight: (N,), in [0, 1], how much the robot changes the motion; 0: not at all.
         is_alone: (N,) of bool, not in a group.
-        reaction_time: (N,), s.
-        seen: (N,), s, for which each pedestrian has had the robot in view and range.
+        reaction_time: (N,) of int, ticks.
+        seen: (N,) of int, ticks for which each pedestrian has had the robot that it heeds in view and range.
         clearance: (N,), m, preferred gap to the robot.
         robot: (N,) of int, the robot that each pedestrian heeds: of those in sight, the nearest one.
         contact_distance: (N,), m, between the centres of pedestrian and robot at which a shoulder may touch the
@@ -99,8 +99,8 @@ class Reactions(NamedTuple):
     kind: Ints
     weight: Floats
     is_alone: Bools
-    reaction_time: Floats
-    seen: Floats
+    reaction_time: Ints
+    seen: Ints
     clearance: Floats
     robot: Ints
     contact_distance: Floats
@@ -130,7 +130,7 @@ def initial_reactions(scene: Scene) -> Reactions:
         count,
         kind=kind,
         weight=np.array([human.reacts_to_robot for human in humans], dtype=float),
-        reaction_time=np.array([human.reaction_time for human in humans], dtype=float),
+        reaction_time=np.array([int(h.reaction_time / scene.rules.dt + 0.5) for h in humans], dtype=np.int64),
         is_alone=np.array([human.group is None for human in humans], dtype=bool),
         gap=np.full(count, math.inf),
         clearance=np.where(kind == SCARED, np.maximum(clearance, _SOCIAL_DISTANCE), clearance),
@@ -200,9 +200,9 @@ def notice_robot(
     is_approached = _is_approached(reactions, k, robot, _APPROACH_SPEED)
     is_heard = not is_walking and is_approached and reactions.gap[k] < _FAR_SOCIAL_DISTANCE
     is_seen = is_near and (is_heard or is_in_view(humans, k, x / distance, y / distance))
-    reactions.seen[k] = reactions.seen[k] + dt if is_seen else 0.0
+    reactions.seen[k] = reactions.seen[k] + 1 if is_seen else 0
     notices = is_seen and reactions.seen[k] > reactions.reaction_time[k]
-    reactions.notices[k], reactions.is_followed[k] = notices, is_near and is_approached and not notices
+    reactions.notices[k], reactions.is_followed[k] = notices, is_near and is_approached and not is_seen
     kind = reactions.kind[k]
     if kind == CURIOUS:
         cause = notices and reactions.gap[k] < _INTEREST_RANGE

@@ -28,7 +28,7 @@ _WAYPOINT_DISTANCE = 0.6  # m from a waypoint at which the next one becomes the 
 _REACHED_DISTANCE = 0.2  # m from a waypoint at which the next one becomes the target anyway
 _ARRIVAL_BRAKING = 0.8  # m/s^2, of a walker that arrives where it will stay, or waits
 _TURNING, _BRAKING = 1.0, 1.0  # m/s^2, lateral and longitudinal, of a walker that turns at a waypoint
-_CHECK_INTERVAL = 5  # ticks between checks whether paths are still free
+CHECK_INTERVAL = 5  # ticks between checks whether paths are still free
 _PROGRESS_INTERVAL = 30  # ticks in which a wandering pedestrian must make progress, else it chooses a new destination
 _MINIMUM_PROGRESS = 0.4  # m
 # Distance from a corner at which a walker aims, m, per stranger on the inner side; largest and smallest such distance,
@@ -135,12 +135,12 @@ def next_without_destination(
 
 @subroutine
 def _needs_destination(routes: Routes, k: int, tick: int, humans: Array) -> bool:
-    """Whether a pedestrian has arrived; without a path it tries again every `_CHECK_INTERVAL`."""
+    """Whether a pedestrian has arrived; without a path it tries again every `CHECK_INTERVAL`."""
     if routes.is_assigned[k] or is_on_last_leg(routes, k):
         return False
     count = routes.length[k]
     if count < 2:
-        return bool(count == 0 or tick % _CHECK_INTERVAL == 0)
+        return bool(count == 0 or tick % CHECK_INTERVAL == 0)
     is_last = routes.next[k] == count - 1 and not routes.is_partial[k]
     x, y = routes.destination[k, 0], routes.destination[k, 1]
     return bool(is_last and is_near(humans[k, X], humans[k, Y], x, y, ARRIVAL_DISTANCE))
@@ -170,8 +170,12 @@ def _has_settled(
 
 @subroutine
 def _is_stuck(routes: Routes, k: int, tick: int, humans: Array) -> bool:
-    """Whether a wandering pedestrian made no progress since the last check, `_PROGRESS_INTERVAL` ticks ago."""
-    if routes.goals_left[k] >= 0 or routes.is_assigned[k] or (tick + k) % _PROGRESS_INTERVAL != 0:
+    """Whether a pedestrian made no progress since the last check, `_PROGRESS_INTERVAL` ticks ago.
+
+    Goals of the scene are never given up, but via points and places of stops on the way to them are.
+    """
+    is_on_way_to_goal = routes.goals_left[k] >= 0 and math.isnan(routes.onward[k, 0])
+    if is_on_way_to_goal or routes.is_assigned[k] or (tick + k) % _PROGRESS_INTERVAL != 0:
         return False
     x, y = routes.checkpoint[k, 0], routes.checkpoint[k, 1]
     routes.checkpoint[k, 0], routes.checkpoint[k, 1] = humans[k, X], humans[k, Y]
@@ -216,7 +220,7 @@ def advance_on_paths(
                 if is_open or is_near(px, py, x, y, _REACHED_DISTANCE):
                     routes.next[k] = step + 1
         any_blocked |= routes.is_blocked[k]
-    if tick % _CHECK_INTERVAL != 0 or not has_path:
+    if tick % CHECK_INTERVAL != 0 or not has_path:
         return any_blocked
     _find_room_abreast(routes, humans, is_present, check_line, space)
     for n in range(routes.walkers[0]):

@@ -335,7 +335,7 @@ def set_stop(
 @subroutine
 def interrupt(routes: Routes, journeys: Journeys, k: int) -> None:
     """Let pedestrian k go on to its present destination after what it does next."""
-    if math.isnan(routes.onward[k, 0]):
+    if routes.length[k] > 0 and math.isnan(routes.onward[k, 0]):  # one that has just entered has no destination yet
         routes.onward[k, 0], routes.onward[k, 1] = routes.destination[k, 0], routes.destination[k, 1]
         journeys.onward_stay[k] = journeys.stay[k] if routes.is_stopping[k] else 0.0
 

@@ -46,7 +46,7 @@ class Habits(NamedTuple):
         return low + (high - low) / 4.0
 
 
-NONE = Habits(0.0, (_SHORTEST_STOP * _STEP, _SHORTEST_STOP * _STEP), 0.0)
+NONE = Habits(0.0, (quantised(_SHORTEST_STOP * _STEP), quantised(_SHORTEST_STOP * _STEP)), 0.0)
 
 
 def habits_of(people: Sequence[Track], walls: Array) -> Habits:

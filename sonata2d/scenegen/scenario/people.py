@@ -117,6 +117,8 @@ class PersonSpec(Settings):
             raise setting_error(message, "reaction")
         if self.stay.max > 0.0 and len(self.goals) < 2:
             raise setting_error("stay needs two goals or more", "stay")
+        if self.pre_movement is not None and self.resolved_behaviour not in ("walking", "wandering"):
+            raise setting_error("pre_movement needs a person that walks or wanders", "pre_movement")
         if self.exits and not self.goals:
             raise setting_error("exits needs goals to leave at", "exits")
         return self

@@ -39,8 +39,8 @@ def avoid_queues(packed_state: Any, tick: int) -> None:
     route = np.empty((LONGEST_PATH, 2))
     for n in range(count):
         k = routes.order[(n + tick) % count]  # another one is first in each tick
-        is_alone = routes.first[k] == k and routes.leader[k] == k
-        if (tick + k) % period != 0 or not is_alone or not crowd.is_present[k] or not crowd.company.is_walking[k]:
+        is_free = crowd.walkers.group[k] < 0 and crowd.is_present[k] and crowd.company.is_walking[k]
+        if (tick + k) % period != 0 or not is_free or crowd.intentions.preferred_speed[k] <= 0.0:
             continue
         rest = _rest_of_path(crowd, k, route)
         if rest < 2 or routes.is_partial[k]:

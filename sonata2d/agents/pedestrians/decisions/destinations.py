@@ -18,7 +18,7 @@ from ....core.free_space import is_clear, is_free
 from ....core.philox import uniform, uniform_between
 from ....core.portable_math import Array
 from ..crowd_state import COMPANY, PLACES, CrowdState
-from ..routes import is_near
+from ..routes import CHECK_INTERVAL, is_near
 from ..social.company import (
     is_unattended,
 )
@@ -70,6 +70,7 @@ _STOPPING_DISTANCE = 0.8  # m from the goal, within which a pedestrian that is t
 _MINIMUM_TRIP = 2.0  # m; random destinations nearer than this are rejected
 _MEMBER_HALF_WIDTH = 0.4  # m, half the width that each member of a group needs at its destination
 _ATTEMPTS = 30
+_PAST_PEOPLE_CHECKS = 8  # checks of paths between two searches for a path past people who enclose the destination
 _NO_DESTINATION_PAUSE = 2.0  # s, for which a pedestrian stands if no attempt finds a destination
 _KINDS = np.array([VISIT, TALK, SIT, QUEUE, EXIT])  # in the order in which they are drawn
 
@@ -90,13 +91,9 @@ def choose_destination(packed_state: Any, k: int, tick: int) -> None:
         to_x, to_y = routes.destination[k, 0], routes.destination[k, 1]
         if is_near(x, y, to_x, to_y, _STOPPING_DISTANCE):
             rest_x, rest_y = resting_place_of(crowd, k)
-            if not is_beside_stranger(crowd, k, rest_x, rest_y):
+            # One that wanders goes elsewhere if somebody stands where it would come to rest.
+            if routes.goals_left[k] >= 0 or not is_beside_stranger(crowd, k, rest_x, rest_y):
                 _stay_here(crowd, k, journeys.stay[k], tick)
-                return
-            # Where it would come to rest somebody stands: it goes to the destination itself, or elsewhere.
-            if not is_beside_stranger(crowd, k, to_x, to_y) and try_to_send(crowd, k, to_x, to_y):
-                until = tick + ticks(crowd, journeys.stay[k] + _APPROACH_TIME)
-                set_task(crowd, k, STAY, to_x, to_y, to_x, to_y, -1, until, False)
                 return
     route = np.empty((LONGEST_PATH, 2))
     if not math.isnan(routes.onward[k, 0]):
@@ -153,8 +150,13 @@ def choose_destination(packed_state: Any, k: int, tick: int) -> None:
 
 
 @kernel
-def find_new_paths(packed_state: Any) -> None:
-    """Find new paths to the same destinations for pedestrians that were pushed off their paths."""
+def find_new_paths(packed_state: Any, tick: int) -> None:
+    """Find new paths to the same destinations for pedestrians that were pushed off their paths.
+
+    Args:
+        packed_state: packed `CrowdState`, updated.
+        tick: that begins.
+    """
     crowd = unpack(packed_state, CrowdState)
     routes = crowd.routes
     route = np.empty((LONGEST_PATH, 2))
@@ -163,7 +165,8 @@ def find_new_paths(packed_state: Any) -> None:
             routes.is_blocked[k] = False
             to_x, to_y = routes.destination[k, 0], routes.destination[k, 1]
             count = planned(crowd, k, x_of(crowd, k), y_of(crowd, k), to_x, to_y, route)
-            if count == 0:
+            # Such a path is soon blocked again, so that it is looked for less often.
+            if count == 0 and (tick // CHECK_INTERVAL + k) % _PAST_PEOPLE_CHECKS == 0:
                 count = path_past_people(crowd, x_of(crowd, k), y_of(crowd, k), to_x, to_y, route)
             if count > 0:
                 set_path(routes, crowd.journeys, k, route, count, 1)

@@ -34,9 +34,10 @@ def via_point(crowd: CrowdState, k: int, x: float, y: float, goal_x: float, goal
     if crowd.habits.detours <= 0.0 or way < _SHORTEST_WAY or _is_in_crowd(crowd, k, x, y):
         return False, 0.0, 0.0
     for other in range(len(routes.first)):
-        if not _are_in_company(crowd, k, other):
+        # Members with goals of their own pass beside the via point of the first one that has set out to the same goal.
+        leads = routes.leader[other] == other and routes.goals_left[other] == routes.goals_left[k]
+        if not leads or not _are_in_company(crowd, k, other):
             continue
-        # Members with goals of their own pass beside the via point of the first one that has set out.
         via_x = routes.destination[other, 0] + x - x_of(crowd, other)
         via_y = routes.destination[other, 1] + y - y_of(crowd, other)
         has_via = not math.isnan(routes.onward[other, 0]) and not routes.is_stopping[other]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ....core.barrier_grid import nearest_within
+from ....core.barrier_grid import find_within
 from ....core.compiled.calls import (
     call,
 )
@@ -321,13 +321,14 @@ def _pause(crowd: CrowdState, k: int, x: float, y: float, until: int, tick: int)
 def _away_from_walls(crowd: CrowdState, x: float, y: float, ahead_x: float, ahead_y: float) -> tuple[float, float]:
     """The point to face from (x, y), m: along a direction, or along its reflection at a wall close ahead."""
     solids = crowd.obstacles.solids
-    wall, _ = nearest_within(solids, x, y, _FACED_WALL)
-    if wall >= 0:
-        dx, dy = towards(solids.table, wall, x, y)
-        ux, uy = unit_or(dx, dy, 1e-6, 0.0, 0.0)
-        into = ahead_x * ux + ahead_y * uy
-        if into > 0.0:
-            ahead_x, ahead_y = ahead_x - 2.0 * into * ux, ahead_y - 2.0 * into * uy
+    found = np.empty(len(solids.table), dtype=np.int64)
+    for _ in range(2):  # in a corner a reflection leads to the other wall
+        for n in range(find_within(solids, x, y, _FACED_WALL, found)):
+            dx, dy = towards(solids.table, found[n], x, y)
+            ux, uy = unit_or(dx, dy, 1e-6, 0.0, 0.0)
+            into = ahead_x * ux + ahead_y * uy
+            if into > 0.0:
+                ahead_x, ahead_y = ahead_x - 2.0 * into * ux, ahead_y - 2.0 * into * uy
     return x + ahead_x, y + ahead_y
 
 
