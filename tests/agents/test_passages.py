@@ -92,6 +92,13 @@ def test_people_pass_a_gap_of_40_cm_in_both_directions() -> None:
     assert (progress(path, 2)[-1] > 0.3).all()
 
 
+def test_they_do_so_also_if_they_deviate_from_their_course() -> None:
+    people = [*facing_door(2, -1), *facing_door(2, 1, 3)]
+    for seed in range(5):
+        path = positions(simulate(replace(two_rooms(0.4, people, robot=CORNER), seed=seed), 60.0))
+        assert (progress(path, 2).max(axis=0) > 0.3).all()
+
+
 def test_the_inside_of_a_hollow_wall_is_no_passage() -> None:
     faces = [Wall((x, sign * 4.0), (x, sign * 0.4)) for x in (-0.2, 0.2) for sign in (-1, 1)]
     jambs = [Wall((-0.2, sign * 0.4), (0.2, sign * 0.4)) for sign in (-1, 1)]

@@ -40,6 +40,7 @@ _ROOM_ASIDE = 0.8  # m, by which this circle may be off the line of the passage
 _RANGE = 3.0  # m, on the path, within which pedestrians consider a passage
 _INSIDE = 0.45  # m, from the end of a passage, within which pedestrians count as inside
 _CLAIM = 1.5  # m, from the end of a passage, within which pedestrians can get the right of way
+_FOR_ONE = 0.5  # m, width of a gap that people pass one by one
 _PATIENCE = 6.0  # s, after which the right of way goes to the direction that waits
 _JAM = 18.0  # s, after which the rule is suspended, because a pedestrian in the passage may be stuck
 _WAITING_DISTANCE = 1.1  # m, from the end of a passage
@@ -259,9 +260,29 @@ def give_way(
                 continue
             way, holder = passages.way[k, w], passages.holder[g]
             has_way = (way * holder > 0 and passages.waited[g] <= _PATIENCE) or passages.waited[g] > _JAM
-            if holder != 0 and not has_way and passages.distance[k, w] > 0.0:
+            waits = holder != 0 and not has_way and passages.distance[k, w] > 0.0
+            if waits or _is_behind(passages, k, w):
                 _wait(passages, g, k, walkers, humans, side)
                 routes.checkpoint[k, 0] = math.nan  # it makes no progress, but is not stuck
+
+
+@subroutine
+def _is_behind(passages: Passages, k: int, w: int) -> bool:
+    """Whether pedestrian k lets another one, that walks the same way, pass first through a gap for one.
+
+    Without this, two may block each other where both come to the gap at once.
+    """
+    g, distance = passages.passage[k, w], passages.distance[k, w]
+    if 2.0 * passages.frame[g, _HALF_WIDTH] > _FOR_ONE or distance == 0.0:
+        return False
+    for other in range(len(passages.passage)):
+        for v in range(_MOST_WAYS):
+            if passages.passage[other, v] == g and passages.way[other, v] == passages.way[k, w]:
+                nearer = passages.distance[other, v]
+                is_first = nearer < distance or (nearer == distance and other < k)
+                if is_first and nearer < _INSIDE:
+                    return True
+    return False
 
 
 @subroutine
