@@ -120,7 +120,7 @@ def evacuation() -> tuple[Scene, Controller]:
               goals=((2.6, -0.2 + 0.1 * (k // 8)), (3.6, 0.6 * (k // 8) - 1.2)), desired_speed=1.1 + 0.1 * (k % 5))
         for k in range(40)
     ]  # fmt: skip
-    return scene(people, 20.0, Pose(3.6, -2.2), inner=wall), StraightAhead()
+    return scene(people, 14.0, Pose(3.6, -2.2), inner=wall), StraightAhead()
 
 
 def turn() -> tuple[Scene, Controller]:

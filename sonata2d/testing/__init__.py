@@ -1,4 +1,4 @@
-"""Checks of controllers for their authors, and of the realism of the pedestrians."""
+"""Checks of controllers for their authors, of the realism of the pedestrians, and standard tests."""
 
 import lazy_loader
 
