@@ -94,8 +94,8 @@ class Social:
         sit_time: shortest and longest duration, s.
         pause: shortest and longest time that a wandering pedestrian, or a walking group, stands at its destination, s;
             a place of interest has its own time.
-        stops: mean number of stops of a pedestrian, or of a group that walks together, in a minute of walking: it
-            stands where it disturbs nobody, and then goes on to its destination.
+        stops: mean number of stops of a pedestrian, or of a group that walks together, in a minute of walking. They
+            stand away from walls, doors and strangers, and then go on to their destination.
         stop_time: shortest and longest duration of a stop, s; half of the stops last less than the shortest time and
             an eighth of the difference.
         detours: standard deviation of the distance of via points from a straight way, as a fraction of its length. On

@@ -152,7 +152,8 @@ def scenario_and_summary(
     parts = _in_window(tracks.people, begin, begin + seconds, path)
     _check_replay_ids(set(replay), [part.id for part, _ in parts], path)
     # the ways of people who meet a robot tell how they avoid it
-    habits = NONE if tracks.robot else habits_of([part for part, _ in parts], tracks.walls)
+    is_estimated = tracks.robot is None and (replay or people == "simulated")
+    habits = habits_of([part for part, _ in parts], tracks.walls) if is_estimated else NONE
     rows = [
         _replayed_person(part, whole, speed)
         if (part.id in replay if replay else people == "replayed")

@@ -288,43 +288,46 @@ def _is_behind(passages: Passages, k: int, w: int) -> bool:
 @subroutine
 def _find_way(passages: Passages, k: int, routes: Routes, humans: Array) -> None:
     """Find the first passage on the path of pedestrian k."""
-    x, y, walked = humans[k, X], humans[k, Y], 0.0
-    for n in range(max(routes.next[k], 0), routes.length[k]):
-        next_x, next_y = routes.path[k, n, 0], routes.path[k, n, 1]
-        step = length(next_x - x, next_y - y)
-        first, part = _first_gate(passages, x, y, next_x, next_y)
-        if first >= 0:
-            distance = walked + part * step - passages.frame[first, _HALF_DEPTH]
-            if distance < _RANGE:
-                aside, ahead = _in_frame(passages, first, x, y)
-                is_inside = walked == 0.0 and _is_inside(passages, first, aside, ahead)
-                way = -1 if ahead > 0.0 else 1
-                _add_way(passages, k, first, way, 0.0 if is_inside else max(distance, 1e-3))
-            return
-        walked += step
-        if walked > _RANGE:
-            return
-        x, y = next_x, next_y
+    begin, count = max(routes.next[k], 0), routes.length[k]
+    first, leg, distance = first_on_path(passages, humans[k, X], humans[k, Y], routes.path[k], begin, count, _RANGE)
+    if first < 0 or distance >= _RANGE:
+        return
+    x, y = humans[k, X], humans[k, Y]
+    if leg > begin:
+        x, y = routes.path[k, leg - 1, 0], routes.path[k, leg - 1, 1]
+    aside, ahead = _in_frame(passages, first, x, y)
+    is_inside = x == humans[k, X] and y == humans[k, Y] and _is_inside(passages, first, aside, ahead)
+    _add_way(passages, k, first, -1 if ahead > 0.0 else 1, 0.0 if is_inside else max(distance, 1e-3))
 
 
 @subroutine
-def first_on_path(passages: Passages, path: Array, count: int) -> tuple[int, float]:
-    """The first passage on a path, and the distance to its end along the path, m; -1 without one.
+def first_on_path(
+    passages: Passages, x: float, y: float, path: Array, begin: int, count: int, farthest: float
+) -> tuple[int, int, float]:
+    """The first passage on a path from (x, y), m.
 
     Args:
         passages: of the scene.
-        path: (R, 2), m.
-        count: of its points.
+        x, y: start, m.
+        path: (R, 2), the points after the start, m.
+        begin, count: the path has the points from `begin` up to but not including `count`.
+        farthest: distance along the path beyond which legs are not looked at, m.
+
+    Returns:
+        Index of the passage, -1 without one; of the point at the end of the leg that passes it; distance to its end
+        along the path, m.
     """
     walked = 0.0
-    for n in range(1, count):
-        x, y, next_x, next_y = path[n - 1, 0], path[n - 1, 1], path[n, 0], path[n, 1]
-        step = length(next_x - x, next_y - y)
-        first, part = _first_gate(passages, x, y, next_x, next_y)
+    for n in range(begin, count):
+        step = length(path[n, 0] - x, path[n, 1] - y)
+        first, part = _first_gate(passages, x, y, path[n, 0], path[n, 1])
         if first >= 0:
-            return first, walked + part * step - passages.frame[first, _HALF_DEPTH]
+            return first, n, walked + part * step - passages.frame[first, _HALF_DEPTH]
         walked += step
-    return -1, 0.0
+        if walked > farthest:
+            break
+        x, y = path[n, 0], path[n, 1]
+    return -1, count, 0.0
 
 
 @subroutine

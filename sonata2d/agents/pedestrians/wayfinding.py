@@ -232,17 +232,24 @@ def update_obstacles(
         if is_standing[k]:
             _add_circle(obstacles.space, company, k, is_standing, ring)
     use_added(obstacles, around.used[0])
+    _forget_added(obstacles.passable_graph)
 
 
 @subroutine
 def use_added(obstacles: Obstacles, count: int) -> None:
-    """Let paths lead round the first ones of the added obstacles."""
+    """Let paths lead round a number of the added obstacles, the first ones."""
     around = obstacles.space.added
     around.used[0] = count
     fill_grid(around.table, count, around.grid)
-    for graph in (obstacles.space_graph, obstacles.tight_graph, obstacles.passable_graph):
-        graph.added_count[0] = -1
-        graph.is_covered[:] = False
+    _forget_added(obstacles.space_graph)
+    _forget_added(obstacles.tight_graph)
+
+
+@subroutine
+def _forget_added(graph: Graph) -> None:
+    """Let the next search in a visibility graph look at the added obstacles again."""
+    graph.added_count[0] = -1
+    graph.is_covered[:] = False
 
 
 @subroutine

@@ -121,7 +121,7 @@ def shorter_path(crowd: CrowdState, x: float, y: float, end_x: float, end_y: flo
 
 @subroutine
 def path_past_people(crowd: CrowdState, x: float, y: float, end_x: float, end_y: float, route: Array) -> int:
-    """`shorter_path` as if nobody stood anywhere, for a destination that people who stand enclose."""
+    """`shorter_path` through the people and robots that stand, for a destination that they enclose."""
     obstacles = crowd.obstacles
     count, holes = obstacles.space.added.used[0], obstacles.space.hole_count[0]
     obstacles.space.hole_count[0] = 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ def avoid_queues(packed_state: Any, tick: int) -> None:
         tick: that begins.
     """
     crowd = unpack(packed_state, CrowdState)
-    routes, passages = crowd.routes, crowd.passages
+    routes = crowd.routes
     period, searches, count = max(ticks(crowd, _INTERVAL), 1), 0, routes.walkers[0]
     route = np.empty((LONGEST_PATH, 2))
     for n in range(count):
@@ -45,17 +46,16 @@ def avoid_queues(packed_state: Any, tick: int) -> None:
         rest = _rest_of_path(crowd, k, route)
         if rest < 2 or routes.is_partial[k]:
             continue
-        g, distance = first_on_path(passages, route, rest)
-        if g < 0 or distance <= 0.0:
+        g, delay = _delay(crowd, k, route, rest)
+        if g < 0 or delay < _GAIN:
             continue
-        present = _duration(crowd, k, route, rest)
-        walking = path_length(route, rest) / crowd.intentions.preferred_speed[k]
-        if present < walking + _GAIN:
-            continue
+        present = path_length(route, rest) / crowd.intentions.preferred_speed[k] + delay
         end_x, end_y, searches = route[rest - 1, 0], route[rest - 1, 1], searches + 1
         size = _path_without(crowd, k, g, end_x, end_y, route)
-        if size > 0 and _duration(crowd, k, route, size) < present - _GAIN:
-            set_path(routes, crowd.journeys, k, route, size, 1)
+        if size > 0:
+            other = path_length(route, size) / crowd.intentions.preferred_speed[k]
+            if other + _delay(crowd, k, route, size)[1] < present - _GAIN:
+                set_path(routes, crowd.journeys, k, route, size, 1)
         if searches == _MOST_SEARCHES:
             break
 
@@ -72,15 +72,13 @@ def _rest_of_path(crowd: CrowdState, k: int, route: Array) -> int:
 
 
 @subroutine
-def _duration(crowd: CrowdState, k: int, route: Array, count: int) -> float:
-    """Time that pedestrian k expects to need for a route, s: it also waits for the people before the first passage."""
-    speed = crowd.intentions.preferred_speed[k]
-    walking = float(path_length(route, count) / speed)
-    g, distance = first_on_path(crowd.passages, route, count)
-    if g < 0:
-        return walking
+def _delay(crowd: CrowdState, k: int, route: Array, count: int) -> tuple[int, float]:
+    """The first passage on a route of pedestrian k, -1 without one, and the time for which it waits there, s."""
+    g, _, distance = first_on_path(crowd.passages, route[0, 0], route[0, 1], route, 1, count, math.inf)
+    if g < 0 or distance <= 0.0:
+        return -1, 0.0
     waiting = people_ahead(crowd.passages, g, k, distance) / (_FLOW * width_of(crowd.passages, g))
-    return walking + max(float(waiting - distance / speed), 0.0)
+    return g, max(float(waiting - distance / crowd.intentions.preferred_speed[k]), 0.0)
 
 
 @subroutine

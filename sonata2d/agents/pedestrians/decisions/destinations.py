@@ -60,7 +60,7 @@ from .acts import (
     try_to_send,
     x_of,
     y_of,
-)  # fmt: skip
+)
 from .places import AHEAD, place_beside, slot_place, start_exit, tail_of
 from .stops import FROM_SOLIDS, is_beside_stranger, via_point
 from .tasks import POSITION_SPACING

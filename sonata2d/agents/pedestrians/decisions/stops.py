@@ -9,7 +9,7 @@ from ....core.barrier_grid import is_within
 from ....core.compiled.kernel import kernel, subroutine
 from ....core.compiled.packing import unpack
 from ....core.compiled.scalar import exp, length
-from ....core.free_space import is_clear, is_free
+from ....core.free_space import Space, is_clear, is_free
 from ....core.philox import uniform, uniform_between
 from ..crowd_state import WAYS, CrowdState
 from ..routes import is_near, stopping_distance
@@ -36,14 +36,12 @@ def via_point(crowd: CrowdState, k: int, x: float, y: float, goal_x: float, goal
     for other in range(len(routes.first)):
         # Members with goals of their own pass beside the via point of the first one that has set out to the same goal.
         leads = routes.leader[other] == other and routes.goals_left[other] == routes.goals_left[k]
-        if not leads or not _are_in_company(crowd, k, other):
+        if not leads or routes.length[other] == 0 or not _are_in_company(crowd, k, other):
             continue
         via_x = routes.destination[other, 0] + x - x_of(crowd, other)
         via_y = routes.destination[other, 1] + y - y_of(crowd, other)
         has_via = not math.isnan(routes.onward[other, 0]) and not routes.is_stopping[other]
-        is_way = is_clear(space, x, y, via_x, via_y) and is_clear(space, via_x, via_y, goal_x, goal_y)
-        if routes.length[other] > 0:
-            return has_via and is_way, via_x, via_y
+        return has_via and _is_way(space, x, y, via_x, via_y, goal_x, goal_y), via_x, via_y
     for _ in range(_ATTEMPTS):
         part = uniform_between(crowd.draws, k, WAYS, _MIDDLE[0], _MIDDLE[1])
         total = -1.5
@@ -52,11 +50,15 @@ def via_point(crowd: CrowdState, k: int, x: float, y: float, goal_x: float, goal
         left = 2.0 * total * crowd.habits.detours * crowd.obstacles.side
         via_x = x + part * (goal_x - x) - left * (goal_y - y)
         via_y = y + part * (goal_y - y) + left * (goal_x - x)
-        if is_free(space, via_x, via_y) and (
-            is_clear(space, x, y, via_x, via_y) and is_clear(space, via_x, via_y, goal_x, goal_y)
-        ):
+        if is_free(space, via_x, via_y) and _is_way(space, x, y, via_x, via_y, goal_x, goal_y):
             return True, via_x, via_y
     return False, 0.0, 0.0
+
+
+@subroutine
+def _is_way(space: Space, x: float, y: float, via_x: float, via_y: float, goal_x: float, goal_y: float) -> bool:
+    """Whether the straight ways from (x, y) to a via point, and from there to the goal, are free; m."""
+    return is_clear(space, x, y, via_x, via_y) and is_clear(space, via_x, via_y, goal_x, goal_y)
 
 
 @subroutine
@@ -84,10 +86,11 @@ def start_stops(packed_state: Any, tick: int) -> None:
         k = routes.order[n]
         if not _may_stop(crowd, k):
             continue
-        if not journeys.wants_stop[k] and uniform(crowd.draws, k, WAYS) < chance / _share(crowd, k):
-            journeys.wants_stop[k] = True
         if not journeys.wants_stop[k]:
-            continue
+            draw = uniform(crowd.draws, k, WAYS)
+            journeys.wants_stop[k] = draw < chance and draw * _share(crowd, k) < chance
+            if not journeys.wants_stop[k]:
+                continue
         has_place, x, y = _stop_place(crowd, k)
         if not has_place:
             continue

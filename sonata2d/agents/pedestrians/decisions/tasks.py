@@ -64,7 +64,7 @@ from .acts import (
     try_to_send,
     x_of,
     y_of,
-)  # fmt: skip
+)
 from .places import (
     AHEAD,
     advance_exit,
@@ -82,7 +82,7 @@ _MEETING_DISTANCE, _SEPARATION = 2.2, 3.5  # m: within the first, a pair may sto
 POSITION_SPACING = 0.7  # m, between the positions of two tasks
 _MEMBER_SPACING, _MEMBER_DISTANCE = 0.6, 1.2  # m, in a group that pauses: least between members, most from the leader
 _LONG_STAY = 10.0  # s, from which on paths lead round a pedestrian that pauses
-_FACED_WALL = 1.0  # m, from a wall or furniture within which nobody stands and faces it
+_FACED_WALL = 1.0  # m; people who stand do not face walls and furniture that are nearer
 _FOREVER = 1e6  # s
 _SERVED_TIME = 120.0  # s, for which a pedestrian that was served does not queue again
 _LEFT_ALONE_TIME = 2.0  # s, that a pedestrian stays when its partners have left
@@ -338,7 +338,7 @@ def _spot_beside(crowd: CrowdState, k: int, leader: int, x: float, y: float, tak
     side = crowd.obstacles.side
     dx, dy = x_of(crowd, k) - x_of(crowd, leader), y_of(crowd, k) - y_of(crowd, leader)
     gap = max(length(dx, dy), 1e-6)
-    scale, side = min(max(gap, POSITION_SPACING), _MEMBER_DISTANCE) / gap, side
+    scale = min(max(gap, POSITION_SPACING), _MEMBER_DISTANCE) / gap
     for turn in range(4):  # by the side of the rules, so that a mirrored scene gives the mirrored place
         ux, uy = dx, dy
         if turn == 1:
