@@ -697,19 +697,22 @@ def test_threads_may_call_an_uncompiled_kernel_together(plugin: Path, folder: Pa
 @compiled_only
 def test_a_kernel_releases_the_lock_of_the_interpreter(folder: Path) -> None:
     @kernel
-    def long(n: int) -> int:
-        value = 1
+    def wait(started: Any, answer: Any, n: int) -> bool:
         for _ in range(n):
-            value = (value * 1103515245 + 12345) % 2147483648
-        return value
+            started[0] += 1  # a write in each round, so that the answer is read anew in each
+            if answer[0] != 0:
+                return True
+        return False
 
-    long(1)
-    thread = threading.Thread(target=long, args=(100_000_000,))
-    thread.start()
-    count = 0
-    while thread.is_alive():
-        count += 1
-    assert count > 10_000  # it stays near zero if the other thread keeps the lock
+    started, answer = np.zeros(1, np.int64), np.ones(1, np.int64)
+    assert wait(started, answer, 1)
+    started[0] = answer[0] = 0
+    with ThreadPoolExecutor(1) as pool:
+        waiting = pool.submit(wait, started, answer, 5_000_000_000)
+        while started[0] == 0:
+            pass
+        answer[0] = 1  # only while the kernel runs, which needs the lock
+        assert waiting.result()
 
 
 def run(script: Path, *arguments: str, cache: Path) -> subprocess.Popen[str]:
