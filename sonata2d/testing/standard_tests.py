@@ -291,6 +291,16 @@ def _crowd_at_corner(setting: _Setting) -> _Outcome:
 
 def _counter_flow(setting: _Setting) -> _Outcome:
     """A crowd walks through a corridor of 10 m by 2 m to another room, against fewer or more people."""
+    # the last one may come early or late by chance, so that the mean of several draws counts
+    draws = [_counter_flow_times(setting._replace(seed=setting.seed + k)) for k in range(5)]
+    times, late = np.mean([times for times, _ in draws], axis=0), sum(late for _, late in draws)
+    found = ", ".join(f"{time:.0f}" for time in times) + f" s against 0, 10, 50, 100%; {late} did not arrive in 150 s"
+    is_slower = times[3] > times[0] and all(b > 0.9 * a for a, b in pairwise(times))
+    return found, "time grows with the number of others; 0", bool(is_slower and late == 0)
+
+
+def _counter_flow_times(setting: _Setting) -> tuple[list[float], int]:
+    """Time until the whole crowd has passed, by the share of others, s, and the number of people who did not arrive."""
     count = setting.number(30, 100)
     walls = [(-10, -5, -10, 5), (20, -5, 20, 5), (0, -1, 10, -1), (0, 1, 10, 1)]
     walls += [(x, y, x, y + 4) for x in (0, 10) for y in (-5, 1)]
@@ -307,9 +317,7 @@ def _counter_flow(setting: _Setting) -> _Outcome:
         back = _passing_times(-track[:, count:, 0], 0.5)
         late += int(np.isnan(passed).sum() + np.isnan(back).sum())
         times.append(float(np.nan_to_num(passed, nan=150.0).max()))
-    found = ", ".join(f"{time:.0f}" for time in times) + f" s against 0, 10, 50, 100%; {late} did not arrive in 150 s"
-    is_slower = times[3] > times[0] and all(b > 0.9 * a for a, b in pairwise(times))
-    return found, "time grows with the number of others; 0", is_slower and late == 0
+    return times, late
 
 
 def _group(setting: _Setting) -> _Outcome:
