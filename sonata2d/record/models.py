@@ -54,6 +54,16 @@ def _adapt_to_json(schema: Any) -> None:
         _adapt_to_json(part)
 
 
+def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
+    if pair[0] > pair[1]:
+        raise ValueError("the shortest time must not exceed the longest one")
+    return pair
+
+
+# in dataclasses of `core`, pairs of these types are the shortest and the longest duration
+_DURATIONS = (tuple[NotNegative, NotNegative], tuple[Positive, Positive])
+
+
 class Part(BaseModel):
     """Base class of all models: immutable, with strict types and finite numbers. A tuple is a list in JSON."""
 
@@ -87,6 +97,7 @@ def model_of(kind: type, name: str | None = None, /, **changed: Any) -> type[Par
             types |= get_type_hints(Pose, include_extras=True)
             descriptions |= _documentation(Pose)[1]
         else:  # other dataclasses are objects in it
+            hint = Annotated[hint, AfterValidator(_ordered)] if hint in _DURATIONS else hint
             types[key] = Annotated[hint, _FileForm()] if is_dataclass(hint) else hint
     keys: Any = {key: (hint, Field(description=descriptions.get(key))) for key, hint in types.items()}
     for each in (field for field in fields(kind) if field.metadata.get("additive")):

@@ -200,6 +200,8 @@ def set_value(*keys: Any) -> Callable[[dict[str, Any]], None]:
         set_value("goal", {"x": 1.0}),
         set_value("objects", 0, "shape", {"type": "star"}),
         set_value("rules", "ends_on", 4),
+        set_value("social", "pause", [9.0, 2.0]),
+        set_value("social", "stop_time", [9.0, 2.0]),
         set_value("outcome", None),
         lambda document: document.pop("robot"),
         lambda document: document["frames"][2].pop("executed"),
