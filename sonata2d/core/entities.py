@@ -157,6 +157,19 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True)
+class Area:
+    """A named part of the floor.
+
+    Attributes:
+        name: unique among areas.
+        polygon: corners in order, m, world frame.
+    """
+
+    name: str
+    polygon: tuple[Point, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Human:
     """A pedestrian: initial state and properties.
 

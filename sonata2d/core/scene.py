@@ -16,6 +16,7 @@ from .bounds import ADDITIVE, Fraction, NotNegative, Positive, Steps
 from .drawable import Drawable
 from .entities import (
     ROBOT_ID,
+    Area,
     Door,
     EndsOn,
     Furniture,
@@ -139,7 +140,9 @@ class Scene(FloatFields, Drawable):
         name: name of the scenario.
         family: scenario and kind of room; data sets are split by family.
         polygon: outline of the room, counter-clockwise, m; pedestrians and robot stay inside.
-        walls: all walls, starting with the edges of the outline.
+        walls: all walls, starting with the edges of the outline and of the holes.
+        holes: parts of the room without floor, each as corners in order, m.
+        areas: named parts of the floor.
         doors, queues, places: where pedestrians enter and leave, stand in line, and like to go.
         seed, episode: what the scene was generated from; they also seed the choices that pedestrians make.
         settings: resolved scenario settings as JSON values; None for a scene that was not generated.
@@ -172,6 +175,8 @@ class Scene(FloatFields, Drawable):
     places: tuple[Place, ...] = ()
     robots: tuple[OtherRobot, ...] = ()
     robot_id: int = ROBOT_ID
+    holes: tuple[tuple[Point, ...], ...] = ()
+    areas: tuple[Area, ...] = ()
 
     def __repr__(self) -> str:
         people, objects = counted(len(self.humans), "person"), counted(len(self.furniture), "object")
@@ -297,8 +302,9 @@ class Scene(FloatFields, Drawable):
 
     @cached_property
     def outline_edges(self) -> Array:
-        """Start and end of the edges of the room's polygon as a read-only (K, 4) array, m."""
-        return frozen(np.hstack((self.outline, np.roll(self.outline, -1, axis=0))))
+        """Start and end of the edges of the room's polygon and of its holes as a read-only (K, 4) array, m."""
+        rings = [np.array(ring, dtype=float) for ring in (self.polygon, *self.holes)]
+        return frozen(np.concatenate([np.hstack((ring, np.roll(ring, -1, axis=0))) for ring in rings]))
 
     @cached_property
     def human_table(self) -> HumanTable:

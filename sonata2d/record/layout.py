@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 from ..core.entities import (
     ROBOT_ID,
+    Area,
     Door,
     Furniture,
     Goal,
@@ -70,9 +71,10 @@ def scene_to_json(scene: Scene) -> JsonDict:
     values = {
         "settings": scene.settings,
         "rules": _fields_of(scene.rules),
-        "room": {"polygon": scene.polygon},
+        "room": {"polygon": scene.polygon} | ({"holes": scene.holes} if scene.holes else {}),
         "walls": [(*wall.start, *wall.end) for wall in scene.walls],
         **{key: [_entity_to_json(entity) for entity in getattr(scene, name)] for key, (name, _) in _LISTS.items()},
+        **({"areas": [_fields_of(area) for area in scene.areas]} if scene.areas else {}),
         "interactions": interaction_rows(scene.interactions),
         "robot": _entity_to_json(scene.robot),
         "goal": _fields_of(scene.goal),
@@ -97,6 +99,8 @@ def scene_from_json(document: JsonDict) -> Scene:
         name=document["name"],
         family=document["family"],
         polygon=_tuples(document["room"]["polygon"]),
+        holes=tuple(map(_tuples, document["room"].get("holes") or ())),
+        areas=tuple(Area(row["name"], _tuples(row["polygon"])) for row in document.get("areas") or ()),
         walls=tuple(Wall((x1, y1), (x2, y2)) for x1, y1, x2, y2 in document["walls"]),
         interactions=interactions_from_rows(document["interactions"]),
         robot=_entity_from_json(Robot, document["robot"]),

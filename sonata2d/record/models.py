@@ -17,7 +17,7 @@ from pydantic_core import CoreSchema
 
 from ..core.bounds import Count, Id, NotNegative, Number, Positive
 from ..core.devices import DeviceEvent
-from ..core.entities import Door, Furniture, Goal, Group, Human, Place, Queue, Robot
+from ..core.entities import Area, Door, Furniture, Goal, Group, Human, Place, Queue, Robot
 from ..core.files.limits import MAX_COUNT, MAX_ROBOTS
 from ..core.geometry import Disc, Point, Polygon, Pose, Rectangle, checked_corners
 from ..core.labels import LabelSpec
@@ -126,13 +126,15 @@ def _documentation(kind: type) -> tuple[str, dict[str, str]]:
     return text, {name: re.sub(r"\bNone\b", "null", text) for name, text in descriptions.items()}
 
 
+_Ring = Annotated[list[Point], Field(min_length=3, max_length=MAX_COUNT)]
+
+
 class Room(Part):
     """The room."""
 
-    polygon: list[Point] = Field(
-        min_length=3,
-        max_length=MAX_COUNT,
-        description="m, world frame, counter-clockwise; pedestrians and robot stay inside",
+    polygon: _Ring = Field(description="m, world frame, counter-clockwise; pedestrians and robot stay inside")
+    holes: list[_Ring] | None = Field(
+        default=None, max_length=MAX_COUNT, description="parts without floor, m, world frame; absent if there are none"
     )
 
 
@@ -374,6 +376,9 @@ class Episode(Part):
     doors: _Entities[_InFile[Door]] = Field(description="through which pedestrians enter and leave")
     queues: _Entities[_InFile[Queue]] = Field(description="in which pedestrians stand in line")
     places: _Entities[_InFile[Place]] = Field(description="of interest, to which wandering pedestrians go")
+    areas: list[_InFile[Area]] | None = Field(
+        default=None, max_length=MAX_COUNT, description="named parts of the floor; absent if there are none"
+    )
     humans: list[_InFile[Human]] = Field(description="in the order of the rows in frames")
     groups: list[_InFile[Group]]
     interactions: list[_InteractionRow] = Field(description="at the start: [src, relation, dst]")

@@ -82,7 +82,8 @@ def consistent_scene(scene: Scene) -> JsonDict:
 
 def _count_findings(document: JsonDict) -> Iterator[Finding]:
     """Lists that are longer than the schema allows, for a scene that is not compared with the schema."""
-    fixtures = {"room.polygon": document["room"]["polygon"]} | {key: document[key] for key in _FIXTURES}
+    fixtures = {f"room.{key}": ring for key, ring in document["room"].items()}
+    fixtures |= {key: document[key] for key in _FIXTURES} | {"areas": document.get("areas", ())}
     for place, entries in fixtures.items():
         if len(entries) > MAX_COUNT:
             yield place, f"there are {len(entries)}; the limit is {MAX_COUNT}"

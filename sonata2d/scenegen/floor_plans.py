@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from ..core.entities import Wall
-from ..core.geometry import Barriers, Point, Pose, Shape, quantised
+from ..core.geometry import Barriers, Point, Pose, Shape, inside_polygon, quantised
 from ..core.outlines import COLUMNS, Line, OutlineRow, has_space, has_space_at, outline_row
 from ..core.portable_math import Array
 from ..core.rng import RandomStream
@@ -27,18 +27,21 @@ class FloorPlan:
     Attributes:
         kind: name of the room kind; `given` for a polygon from the scenario.
         polygon: corners of the outline, counter-clockwise, m.
-        inner_walls: walls other than the outline.
+        inner_walls: walls other than the outline and the holes.
+        holes: polygons in which there is no floor, m.
     """
 
     kind: str
     polygon: tuple[Point, ...]
     inner_walls: tuple[Wall, ...] = ()
+    holes: tuple[tuple[Point, ...], ...] = ()
 
     @cached_property
     def walls(self) -> tuple[Wall, ...]:
-        """The edges of the outline, then the inner walls."""
-        next_corners = (*self.polygon[1:], self.polygon[0])
-        return tuple(Wall(a, b) for a, b in zip(self.polygon, next_corners, strict=True)) + self.inner_walls
+        """The edges of the outline and of the holes, then the inner walls."""
+        rings = (self.polygon, *self.holes)
+        edges = (Wall(a, b) for ring in rings for a, b in zip(ring, (*ring[1:], ring[0]), strict=True))
+        return (*edges, *self.inner_walls)
 
     @cached_property
     def barriers(self) -> Barriers:
@@ -62,10 +65,22 @@ class FloorPlan:
         left, right, bottom, top = self.bounds
         return f"{right - left:.1f} m" if self.kind == "square" else f"{right - left:.1f} x {top - bottom:.1f} m"
 
-    def sample_point(self, rng: RandomStream) -> Point:
-        """Draw a point uniformly from the bounding box, m; it may lie outside the room."""
-        left, right, bottom, top = self.bounds
-        return rng.uniform(left, right), rng.uniform(bottom, top)
+    def sample_point(self, rng: RandomStream, area: Sequence[Point] | None = None) -> Point:
+        """Draw a point uniformly from an area, or from the bounding box; m. It may lie outside the room.
+
+        Args:
+            rng: random stream of the point.
+            area: polygon, m.
+        """
+        if area is None:
+            left, right, bottom, top = self.bounds
+            return rng.uniform(left, right), rng.uniform(bottom, top)
+        corners = np.array(area, dtype=float)
+        (left, bottom), (right, top) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+        while True:  # the edges of an area do not cross, so that it has a part of its bounding box
+            point = rng.uniform(left, right), rng.uniform(bottom, top)
+            if inside_polygon(np.array([point]), corners)[0]:
+                return point
 
     def contains(self, shape: Shape, pose: Pose) -> bool:
         """Return whether the centre lies in the room and no side of a rectangle crosses a wall; touching is allowed."""
@@ -109,15 +124,17 @@ class FloorPlan:
 
     @cached_property
     def _borders(self) -> Array:
-        """(K, 4), start and end of the edges of the outline, m."""
-        return np.ascontiguousarray(self.barriers.table[: len(self.polygon), :4])
+        """(K, 4), start and end of the edges of the outline and of the holes, m; outside is an even number of them."""
+        count = len(self.polygon) + sum(map(len, self.holes))
+        return np.ascontiguousarray(self.barriers.table[:count, :4])
 
     def mirrored(self) -> FloorPlan:
         """Return the mirror image: y changes sign."""
         # 0.0 - y instead of -y, which would give -0.0; the order of corners is reversed to stay counter-clockwise
         corners = tuple((x, 0.0 - y) for x, y in self.polygon[::-1])
         walls = (Wall((w.start[0], 0.0 - w.start[1]), (w.end[0], 0.0 - w.end[1])) for w in self.inner_walls)
-        return FloorPlan(self.kind, corners, tuple(walls))
+        holes = (tuple((x, 0.0 - y) for x, y in hole[::-1]) for hole in self.holes)
+        return FloorPlan(self.kind, corners, tuple(walls), tuple(holes))
 
 
 _MIN_WALL_BESIDE_DOOR = 0.3  # m, on either side of a doorway
@@ -163,14 +180,15 @@ def _problem(value: object) -> str | None:
 def draw_floor_plan(config: RoomConfig, rng: RandomStream) -> FloorPlan:
     """Draw a floor plan of one of the kinds, or return the given polygon; both with the given inner walls."""
     given_walls = tuple(Wall(_turned((x1, y1)), _turned((x2, y2))) for x1, y1, x2, y2 in config.walls)
+    holes = tuple(map(_counter_clockwise, config.holes))
     if config.polygon is not None:
-        return FloorPlan("given", _counter_clockwise(config.polygon), given_walls)
+        return FloorPlan("given", _counter_clockwise(config.polygon), given_walls, holes)
     name = rng.choice(list(config.kinds), list(config.kinds.values()))
     kind = load_room_kind(name)
     corners, walls = kind.draw(config, rng)
     turns = config.turns.draw(rng) if kind.turned else 0
     inner_walls = tuple(Wall(_turned(a, turns), _turned(b, turns)) for a, b in walls)
-    return FloorPlan(name, _counter_clockwise(corners, turns), inner_walls + given_walls)
+    return FloorPlan(name, _counter_clockwise(corners, turns), inner_walls + given_walls, holes)
 
 
 def _square(config: RoomConfig, rng: RandomStream) -> tuple[Corners, WallEnds]:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core.arguments import whole_number
-from ..core.entities import Furniture, Human
+from ..core.entities import Area, Furniture, Human
 from ..core.geometry import Barriers, Pose, inside_polygon
 from ..core.rng import RandomStream
 from ..core.scene import Scene, standing_throughout
@@ -28,6 +28,7 @@ from .placed import (
     check_not_enclosed,
     check_placed_positions,
     create_placed_entities,
+    draw_starts,
     mirror_config,
     place_given,
 )
@@ -124,7 +125,7 @@ def _try_layout(
     Raises:
         SceneError: something has no space.
     """
-    config = apply_jitter(config, rng)
+    config = apply_jitter(draw_starts(config, plan, fixed, rng), rng)
     people = create_placed_entities(config.people, config.person, config.rules.dt, rng)
     check_placed_positions(people, plan.outline, (config.robot, *config.robots))
     furniture_outlines = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
@@ -156,6 +157,8 @@ def _try_layout(
         family=f"{config.name}/{plan.kind}",
         polygon=plan.polygon,
         walls=plan.walls,
+        holes=plan.holes,
+        areas=tuple(Area(area.name, area.corners) for area in config.areas),
         furniture=entities.furniture,
         humans=(*listed, *entities.humans),
         robot=robot,

@@ -15,15 +15,17 @@ from ..core.entities import Furniture, Group, Human, Interaction
 from ..core.files.limits import MAX_TRACK_POINTS
 from ..core.geometry import Barriers, Disc, Point, Pose, canonical_angle, inside_polygon, quantised
 from ..core.navigation import FreeSpace
-from ..core.outlines import outline_row, shape_gap
+from ..core.outlines import COLUMNS, outline_row, shape_gap
 from ..core.portable_math import PI, Array, angle_of
 from ..core.relations import TALKING, WALKING_TOGETHER
 from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..errors import SceneError
+from .floor_plans import FloorPlan
 from .numbering import NumberedEntities, free_ids
 from .pieces import faces_ahead
 from .placement import Layout
+from .robot_task import reserved_outlines
 from .scenario.base import Jitter, Range, Settings
 from .scenario.config import ScenarioConfig
 from .scenario.people import PersonSpec, Track
@@ -33,9 +35,48 @@ S = TypeVar("S", bound=Settings)
 _SLOW = 0.1  # m/s, below which a velocity does not determine where a pedestrian faces
 _TOLERANCE = 1e-6  # ticks, rounding error of a time divided by the tick
 _SQUEEZE = 0.01  # m, that bodies need on both sides to pass a gap
+_STARTING = Disc(0.3)  # m, of a person whose start is drawn
 _MAX_OVERLAP, _POINT_RADIUS = 0.09, 1e-6  # m, overlap of given outlines at the start, which the physics resolves
 
 # Random offsets and mirroring of given positions
+
+
+def draw_starts(
+    config: ScenarioConfig, plan: FloorPlan, furniture: tuple[Furniture, ...], rng: RandomStream
+) -> ScenarioConfig:
+    """Draw the starts of those of `people` that start somewhere in an area; nothing is drawn if there are none.
+
+    Args:
+        config: settings of the scenario.
+        plan: the room.
+        furniture: at fixed positions.
+        rng: random stream of the scene.
+
+    Raises:
+        SceneError: an area has no free place.
+    """
+    if all(person.area is None for person in config.people):
+        return config
+    rows = [outline_row(piece.shape, piece.pose) for piece in furniture if piece.on is None]
+    rows += [outline_row(_STARTING, Pose(*p.start)) for p in config.people if p.area is None and not p.enters]
+    rows += [outline_row(shape, pose) for shape, pose in reserved_outlines(config)]
+    corners, people = {area.name: area.corners for area in config.areas}, []
+    for person in config.people:
+        if person.area is not None:
+            for _ in range(config.max_attempts):
+                place = Pose(*plan.sample_point(rng, corners[person.area])).rounded()
+                gap = max(config.person.wall_distance - _STARTING.radius, 0.0)
+                if plan.has_space([outline_row(_STARTING, place, gap)], np.array(rows).reshape(-1, COLUMNS)):
+                    break
+            else:
+                raise SceneError(
+                    f"no free place for a person in the area {person.area!r} after {config.max_attempts} attempts; "
+                    "enlarge the area, or ask for fewer people in it"
+                )
+            rows.append(outline_row(_STARTING, place))
+            person = person.model_copy(update={"x": place.x, "y": place.y, "area": None})
+        people.append(person)
+    return config.model_copy(update={"people": tuple(people)})
 
 
 def apply_jitter(config: ScenarioConfig, rng: RandomStream) -> ScenarioConfig:
@@ -86,7 +127,8 @@ def mirror_config(config: ScenarioConfig) -> ScenarioConfig:
         for p in config.furniture
     )
     sections = {key: _mirrored(getattr(config, key)) for key in ("robot", "goal", "groups")}
-    lists = {key: tuple(map(_mirrored, getattr(config, key))) for key in ("doors", "queues", "places", "people")}
+    keys = ("doors", "queues", "places", "areas", "people")
+    lists = {key: tuple(map(_mirrored, getattr(config, key))) for key in keys}
     robots = tuple(_mirrored(other).model_copy(update={"goal": _mirrored(other.goal)}) for other in config.robots)
     return config.model_copy(update={**sections, **lists, "furniture": tuple(furniture), "robots": robots})
 
@@ -107,6 +149,7 @@ _MIRRORS: dict[str, Callable[[Any], Any]] = {
     "position": _mirror_point,
     "velocity": _mirror_point,
     "goals": _mirror_points,
+    "polygon": lambda corners: _mirror_points(corners[::-1]),
     "places": _mirror_points,
     "track": lambda track: tuple((t, x, -y) for t, x, y in track),
 }

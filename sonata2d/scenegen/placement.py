@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ..core.entities import Furniture, Human
-from ..core.geometry import Disc, Pose, Rectangle, Shape, canonical_angle, quantised
+from ..core.geometry import Disc, Point, Pose, Rectangle, Shape, canonical_angle, quantised
 from ..core.outlines import COLUMNS, THETA, outline_row
 from ..core.portable_math import PI, angle_of
 from ..core.relations import TALKING
@@ -67,7 +67,7 @@ class Layout:
         bodies = [(k, shape_of(member)) for k, member in enumerate(members) if getattr(member, "on", None) is None]
         rows = np.array([outline_row(shape, local[k], self._wall_gap(members[k])) for k, shape in bodies])
         for _ in range(self.config.max_attempts):
-            x, y = target.position if target else cluster.position or self.plan.sample_point(rng)
+            x, y = target.position if target else cluster.position or self._sample_point(rng)
             theta = target.theta if target else cluster.yaw.draw(rng)
             if cluster.distance is not None:  # at the access side (-y) of fixed furniture, facing it
                 local = [Pose(0.0, -cluster.distance.draw(rng), PI / 2)]
@@ -95,6 +95,16 @@ class Layout:
         """
         others = self._rows[self._reserved if ignores_robot else 0 : self._count]
         return self.plan.has_space([outline_row(shape, pose, wall_gap)], others, gap)
+
+    def sample_point(self, rng: RandomStream, area: str | None = None) -> Point:
+        """Draw a point from one of the areas, by its name, or from the bounding box of the room, m."""
+        polygon = next((each.polygon for each in self.config.areas if each.name == area), None)
+        return self.plan.sample_point(rng, polygon)
+
+    def _sample_point(self, rng: RandomStream) -> Point:
+        """Draw a point where drawn entities may be placed, m."""
+        shares = {each.name: each.share for each in self.config.areas if each.share}
+        return self.sample_point(rng, rng.choice(list(shares), list(shares.values())) if shares else None)
 
     def _is_o_space_free(self, cluster: EntityCluster, poses: list[Pose], origin: Pose) -> bool:
         """Return whether all members see the centre of their o-space, and nothing stands in it."""

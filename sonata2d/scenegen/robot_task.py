@@ -117,12 +117,12 @@ def _drawn_task(
         space: see `_free_space`.
         name: of the robot in messages.
     """
-    paths, sample_point = path_segments(config.people), layout.plan.sample_point
+    paths, sample_point = path_segments(config.people), layout.sample_point
     pose, position = config.robot.pose, config.goal.position
     chosen = None
     for attempt in range(config.max_attempts):
-        start = Pose(*(pose or (*sample_point(rng), rng.uniform(-PI, PI)))).rounded()
-        goal = Pose(*(position or sample_point(rng))).rounded()
+        start = Pose(*(pose or (*sample_point(rng, config.robot.area), rng.uniform(-PI, PI)))).rounded()
+        goal = Pose(*(position or sample_point(rng, config.goal.area))).rounded()
         if _is_feasible(config, layout, space, paths, start, goal):
             is_clear = not _is_in_the_way(config, paths, start)
             if is_clear or chosen is None:

@@ -29,6 +29,8 @@ def draw_room(brush: Brush, scene: Scene, *, grid: bool) -> None:
         brush.polygon(FLOOR, scene.polygon)
     for line in lines if grid else ():
         brush.stroke(GRID, line, 0.0)
+    for hole in scene.holes:
+        brush.polygon(WALL, hole)
     for wall in partitions:
         brush.stroke(WALL, wall, _PARTITION_WIDTH)
 

@@ -6,6 +6,7 @@ import json
 import pickle
 import random
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 from sonata2d.core.entities import Group
+from sonata2d.core.scene import Social
 from sonata2d.core.snapshot import Outcome
 from sonata2d.errors import InvalidFileError, RecordError
 from sonata2d.record.reader import read_episode
@@ -200,8 +202,8 @@ def set_value(*keys: Any) -> Callable[[dict[str, Any]], None]:
         set_value("goal", {"x": 1.0}),
         set_value("objects", 0, "shape", {"type": "star"}),
         set_value("rules", "ends_on", 4),
-        set_value("social", "pause", [9.0, 2.0]),
-        set_value("social", "stop_time", [9.0, 2.0]),
+        set_value("social", asdict(Social(pause=(9.0, 2.0)))),
+        set_value("social", asdict(Social(stop_time=(9.0, 2.0)))),
         set_value("outcome", None),
         lambda document: document.pop("robot"),
         lambda document: document["frames"][2].pop("executed"),

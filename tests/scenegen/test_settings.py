@@ -87,7 +87,7 @@ def test_an_unknown_type_of_furniture_needs_a_size():
     "corners", [[[0, 0], [3, 3], [3, 0], [0, 3]], [[0, 0], [4, 0], [4, 0], [0, 4]], [[0, 0], [4, 0], [2, 0], [2, 3]]]
 )
 def test_a_room_whose_edges_cross_or_touch_is_refused(corners):
-    with pytest.raises(ConfigError, match="edges cross or touch"):
+    with pytest.raises(ConfigError, match="edges of the polygon cross or touch"):
         ScenarioConfig(room={"polygon": corners})
 
 

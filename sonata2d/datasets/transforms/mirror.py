@@ -260,7 +260,8 @@ def _document_image(document: JsonDict, label: LabelImage | None) -> JsonDict:
     original_thetas = dict(origin["thetas"]) if origin else {}
     images: dict[str, Callable[[Any], Any]] = {
         "rules": lambda rules: rules | {"side": flipped(rules["side"])},  # pedestrians evade to the other side
-        "room": lambda room: room | {"polygon": _points_image(reversed(room["polygon"]))},  # stays counter-clockwise
+        "room": _room_image,
+        "areas": lambda areas: [area | {"polygon": _points_image(reversed(area["polygon"]))} for area in areas],
         "walls": lambda walls: [[x2, flipped(y2), x1, flipped(y1)] for x1, y1, x2, y2 in walls],  # with swapped ends
         "objects": lambda objects: _objects_image(objects, original_thetas),
         "doors": lambda doors: [_pose_image(door) for door in doors],
@@ -283,6 +284,12 @@ def _document_image(document: JsonDict, label: LabelImage | None) -> JsonDict:
             image["mirrored_from"] = _origin(document, label)
     image["id"] = origin["id"] if origin else f"{document['id']}{MARK}"
     return image
+
+
+def _room_image(room: JsonDict) -> JsonDict:
+    """The image of the outline and of the holes; reversed, the corners stay counter-clockwise."""
+    image = room | {"polygon": _points_image(reversed(room["polygon"]))}
+    return image | ({"holes": [_points_image(reversed(hole)) for hole in room["holes"]]} if room.get("holes") else {})
 
 
 def _origin(document: JsonDict, label: LabelImage | None) -> JsonDict:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator
 from dataclasses import fields, is_dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Generic, Self, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, Self, TypeVar, get_type_hints
 
 from pydantic import (
     AfterValidator,
@@ -16,6 +16,7 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     NonNegativeInt,
+    SerializerFunctionWrapHandler,
     create_model,
     model_serializer,
     model_validator,
@@ -98,7 +99,25 @@ class _Difference:
 class Settings(BaseModel, metaclass=OneLineErrors):
     """Base class of scenario settings: immutable; unknown keys are errors with a suggestion; numbers are finite."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, validate_by_name=True, serialize_by_alias=True
+    )
+    _optional: ClassVar[frozenset[str]] = frozenset()  # keys that are left out where they have their default
+
+    @model_serializer(mode="wrap")
+    def _serialise(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        values: dict[str, Any] = handler(self)
+        for name in self._optional:
+            field = type(self).model_fields[name]
+            if getattr(self, name) == field.get_default(call_default_factory=True):
+                values.pop(field.alias or name, None)
+        return values
+
+    @classmethod
+    def _keys(cls) -> list[str]:
+        """All keys of the settings."""
+        names = (field.alias or name for name, field in cls.model_fields.items())
+        return list(dict.fromkeys((*names, *cls._further_keys())))
 
     def __repr_args__(self) -> Iterator[tuple[str | None, Any]]:
         """The settings that differ from their defaults."""
@@ -121,8 +140,8 @@ class Settings(BaseModel, metaclass=OneLineErrors):
     def _reject_unknown_keys(cls, values: Any) -> Any:
         # pydantic's own check (extra="forbid") runs later and has no suggestions
         for key in values if isinstance(values, dict) else ():
-            if key not in cls.model_fields and key not in cls._further_keys():
-                known = list(dict.fromkeys((*cls.model_fields, *cls._further_keys())))
+            known = cls._keys()
+            if key not in known and key not in cls.model_fields:
                 if not (hint := did_you_mean(str(key), known)):
                     remedy = "; install the package, if a plug-in defines it" if cls._further_keys() else ""
                     hint = f"{remedy}; keys are {', '.join(known)}"

@@ -13,8 +13,6 @@ from pydantic import (
     ConfigDict,
     Field,
     PositiveInt,
-    SerializerFunctionWrapHandler,
-    model_serializer,
     model_validator,
 )
 
@@ -33,6 +31,7 @@ from .people import PersonSpec, check_people
 from .problems import setting_error
 from .sections import (
     PAUSING,
+    AreaConfig,
     DoorConfig,
     FurnitureConfig,
     GoalConfig,
@@ -80,7 +79,7 @@ class ScenarioConfig(Settings):
         talking_groups, walking_groups: number of additional groups; see `groups`.
         at_laptop, at_plant, at_object: number of additional pedestrians that attend to a laptop, plant or other object.
         furniture: pieces at fixed positions.
-        doors, queues, places: see the sections of these names.
+        doors, queues, places, areas: see the sections of these names.
         seated: number of additional pedestrians that sit on seats at the start, or fewer where too few are free.
         people: pedestrians that are specified one by one, each with a start, goals or a track.
         sizes: m, by type of furniture: replaces the default sizes or adds types. One number is the radius of a disc,
@@ -104,6 +103,7 @@ class ScenarioConfig(Settings):
 
     model_config = ConfigDict(extra="allow")  # numbers of further types of furniture
     __pydantic_extra__: dict[str, IntRange] = Field(init=False)
+    _optional = frozenset({"robots", "areas"})
 
     name: str = Field(default="sonata-2020", min_length=1, max_length=MAX_NAME)
     description: str = ""
@@ -131,6 +131,7 @@ class ScenarioConfig(Settings):
     doors: Entities[DoorConfig] = ()
     queues: Entities[QueueConfig] = ()
     places: Entities[PlaceConfig] = ()
+    areas: Entities[AreaConfig] = ()
     seated: IntRange = IntRange(0, 0)
     people: Annotated[Entities[PersonSpec], AfterValidator(check_people)] = ()
     sizes: dict[str, Size] = Field(default={})
@@ -219,6 +220,27 @@ class ScenarioConfig(Settings):
         if arrivals > MAX_COUNT:
             message = f"{arrivals:.0f} people would enter until rules.time_limit, at most {MAX_COUNT} may"
             raise setting_error(f"{message}; lower the inflow", "doors")
+        return self
+
+    @model_validator(mode="after")
+    def _check_areas(self) -> Self:
+        names = [area.name for area in self.areas]
+        for k, name in enumerate(names):
+            if name in names[:k]:
+                raise setting_error(f"the name {name!r} is given to more than one area", "areas", k, "name")
+        # place of a key `in` among the settings, its value, and the position that it replaces
+        uses: list[tuple[tuple[str | int, ...], str | None, tuple[float, ...] | None]]
+        uses = [(("robot",), self.robot.area, self.robot.pose), (("goal",), self.goal.area, self.goal.position)]
+        for k, other in enumerate(self.robots):
+            uses.append((("robots", k), other.area, other.pose))
+            uses.append((("robots", k, "goal"), other.goal.area, other.goal.position))
+        uses += [(("people", k), person.area, None) for k, person in enumerate(self.people)]
+        for place, area, position in uses:
+            if area is not None and position is not None:
+                raise setting_error("the position is given: omit in, or let it be drawn", *place, "in")
+            if area is not None and area not in names:
+                hint = did_you_mean(area, names) or f"; areas are {', '.join(names) or 'not given'}"
+                raise setting_error(f"there is no area {area!r}{hint}", *place, "in")
         return self
 
     @model_validator(mode="after")
@@ -312,12 +334,6 @@ class ScenarioConfig(Settings):
     def with_task(self, robot: RobotConfig, goal: GoalConfig) -> ScenarioConfig:
         """The scenario with another robot and goal in place of the first."""
         return self.model_copy(update={"robot": robot, "goal": goal})
-
-    @model_serializer(mode="wrap")
-    def _serialise(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out what most scenarios do not have."""
-        values: dict[str, Any] = handler(self)
-        return {key: value for key, value in values.items() if value or key != "robots"}
 
     def size_of(self, furniture: str) -> Size | None:
         """The size of a type of furniture, m, by `sizes` or else by the type; None: unknown."""

@@ -33,6 +33,7 @@ class PersonSpec(Settings):
     Attributes:
         id: 1 or more; default: the lowest free number. Drawn pedestrians and furniture get the remaining numbers.
         x, y: m, position at the start or on entering; with a track: its first point.
+        area: name of one of `areas`, in which the start is drawn, given instead of x and y; in files the key is `in`.
         jitter: maximum random offset of x, y (m) and theta (rad), in both directions, drawn for each scene; `goals`
             get the same offset.
         theta: rad; default: direction of the velocity, else of the first goal, else 0. By default, the members of a
@@ -59,9 +60,12 @@ class PersonSpec(Settings):
         reaction: kind of reaction to the robot; default: drawn from the section `person`.
     """
 
+    _optional = frozenset({"area"})
+
     id: _PositiveId | None = None
     x: Number | None = None
     y: Number | None = None
+    area: str | None = Field(default=None, alias="in")
     jitter: Jitter = (0.0, 0.0, 0.0)
     theta: Number | None = None
     velocity: Point | None = None
@@ -92,10 +96,14 @@ class PersonSpec(Settings):
     def _check_start(self) -> Self:
         """Check that start, jitter and times come either from their own keys or from the track."""
         for key in ("x", "y"):
-            if self.track is None and getattr(self, key) is None:
-                raise setting_error("give a start (x, y), or a track", key)
+            if self.area is not None and getattr(self, key) is not None:
+                raise setting_error("the start is drawn in an area: omit x and y", key)
+            if self.track is None and self.area is None and getattr(self, key) is None:
+                raise setting_error("give a start (x, y), an area (in), or a track", key)
             if self.track is not None and getattr(self, key) is not None:
                 raise setting_error("the track gives the start: omit x and y", key)
+        if self.track is not None and self.area is not None:
+            raise setting_error("the track gives the start: omit in", "in")
         if self.track is not None and (self.enters or self.leaves is not None):
             raise setting_error("the track gives the times: omit enters and leaves")
         if self.track is not None and any(self.jitter):

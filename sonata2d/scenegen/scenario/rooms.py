@@ -29,7 +29,7 @@ def _check_wall(wall: tuple[float, float, float, float]) -> tuple[float, float, 
 
 def _check_polygon(corners: tuple[Point, ...]) -> tuple[Point, ...]:
     if not _is_simple_polygon(corners):
-        raise setting_error("the room's edges cross or touch each other")
+        raise setting_error("edges of the polygon cross or touch each other")
     return corners
 
 
@@ -57,7 +57,11 @@ class RoomConfig(Settings):
         turns: number of quarter turns of a plan other than square, rectangle and hall.
         polygon: corners of a given room in order, m; edges must not cross. Replaces `kinds`.
         walls: inner walls, as x1, y1, x2, y2, m; a closed loop counts as a solid object, without paths inside.
+        holes: parts without floor, such as pillars, thick walls and courtyards, each as corners in order, m; edges
+            must not cross.
     """
+
+    _optional = frozenset({"holes"})
 
     kinds: Annotated[dict[_RoomKindName, NotNegative], *weights_of("kind of room")] = Field(
         default={"square": 1.0, "rectangle": 1.0, "l": 1.0}
@@ -78,6 +82,7 @@ class RoomConfig(Settings):
     turns: IntRange = IntRange(0, 3)
     polygon: Polygon | None = None
     walls: Entities[WallEnds] = ()
+    holes: Entities[Polygon] = ()
 
     @model_validator(mode="after")
     def _check_sizes(self) -> Self:

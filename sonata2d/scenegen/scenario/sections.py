@@ -14,12 +14,12 @@ from pydantic import (
     TypeAdapter,
     ValidationError,
     WrapSerializer,
-    model_serializer,
     model_validator,
 )
 
 from ...core.bounds import Capacity, Fraction, NotNegative, Number, Positive
 from ...core.entities import DEFAULT_CONTROLLER, DEFAULT_MODEL, Formation, Limits, Reaction
+from ...core.files.limits import MAX_NAME
 from ...core.geometry import Disc, Point, Polygon, Rectangle, Shape, quantised
 from ...core.labels import LabelSpec
 from ...core.scene import Rules, Social
@@ -42,9 +42,10 @@ from .base import (
     within,
 )
 from .problems import setting_error
-from .rooms import RoomConfig as RoomConfig
+from .rooms import Polygon as Corners, RoomConfig as RoomConfig
 
 _ModelName = Annotated[str, AfterValidator(partial(require_registered, PEDESTRIAN_MODELS))]
+AreaName = Annotated[str, Field(min_length=1, max_length=MAX_NAME)]
 Size = Positive | tuple[Positive, Positive]  # radius of a disc, or length (x) and width (y), m
 
 _WalkingFormation = Literal["abreast", "v"]
@@ -66,6 +67,8 @@ class BodyConfig(Settings):
             corners `points` in the body frame, [x, y] in m, counter-clockwise; or disc, with `radius`, m.
     """
 
+    _optional = frozenset({"radius", "length", "width", "points"})
+
     shape: Literal["disc", "rectangle", "polygon"]
     radius: Positive | None = None
     length: Positive | None = None
@@ -86,10 +89,6 @@ class BodyConfig(Settings):
         if smallest < _SMALLEST_BODY:
             raise setting_error(f"a body is at least {_SMALLEST_BODY} m long and wide, got {smallest:g} m")
         return self
-
-    @model_serializer(mode="plain")
-    def _serialise(self) -> dict[str, Any]:
-        return {key: value for key, value in vars(self).items() if value is not None}
 
     def outline(self) -> Shape:
         """The outline, at the precision of files."""
@@ -115,6 +114,8 @@ class FurnitureConfig(Settings):
         body: outline, given instead of `size`.
     """
 
+    _optional = frozenset({"body"})
+
     type: str
     x: Number
     y: Number
@@ -129,11 +130,6 @@ class FurnitureConfig(Settings):
         if self.size is not None and self.body is not None:
             raise setting_error("give size or body, not both", "body")
         return self
-
-    @model_serializer(mode="wrap")
-    def _serialise(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out what most pieces do not have."""
-        return {key: value for key, value in handler(self).items() if value is not None or key != "body"}
 
 
 class _DrawnOrFixed(Settings):
@@ -194,6 +190,28 @@ class QueueConfig(_DrawnOrFixed):
         if self.waiting.max > self.capacity:
             raise setting_error(f"{self.waiting.max} people do not fit into a queue of {self.capacity}", "waiting")
         return self
+
+
+class AreaConfig(Settings):
+    """A named part of the floor, such as a kitchen.
+
+    Attributes:
+        name: of the area; `in: NAME` places the robot, its goal or one of `people` in it.
+        polygon: corners in order, m, world frame; edges must not cross.
+        share: weight with which drawn pedestrians and furniture are placed in this area; those at fixed furniture and
+            at given places are not. Default: anywhere in the room, if no area has a share.
+    """
+
+    _optional = frozenset({"share"})
+
+    name: AreaName
+    polygon: Corners
+    share: NotNegative | None = None
+
+    @property
+    def corners(self) -> tuple[Point, ...]:
+        """The corners at the precision of files, m."""
+        return tuple((quantised(x), quantised(y)) for x, y in self.polygon)
 
 
 class PlaceConfig(Settings):
@@ -339,7 +357,10 @@ class RobotConfig(Settings):
         jitter: maximum random offset of `pose` in x, y (m) and theta (rad), in both directions, drawn for each scene.
         on_ways: maximum distance of a drawn start and goal, m, from the path of one of `people`: its track, or the line
             from its start through its goals. Default: no limit.
+        area: name of one of `areas`, in which a drawn start lies; in files the key is `in`.
     """
+
+    _optional = frozenset({"body", "drive", "area"})
 
     kinematics: Annotated[str, AfterValidator(partial(require_registered, DRIVES))] = "holonomic"
     radius: Positive = 0.30
@@ -350,6 +371,7 @@ class RobotConfig(Settings):
     on_ways: Positive | None = None
     body: BodyConfig | None = None
     drive: dict[str, Number] | None = None
+    area: AreaName | None = Field(default=None, alias="in")
 
     @model_validator(mode="after")
     def _complete_drive(self) -> Self:
@@ -377,12 +399,6 @@ class RobotConfig(Settings):
         """Whether the drive can move sideways."""
         return bool(drive_class(self.kinematics).moves_sideways)
 
-    @model_serializer(mode="wrap")
-    def _serialise(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out what most robots do not have."""
-        values: dict[str, Any] = handler(self)
-        return {key: value for key, value in values.items() if value is not None or key not in ("body", "drive")}
-
     @property
     def outline(self) -> Shape:
         """The solid outline, at the precision of files."""
@@ -398,7 +414,10 @@ class GoalConfig(Settings):
         position: x, y, m, world frame; default: drawn.
         jitter: maximum random offset of `position` in x and y (m), in both directions, drawn for each scene.
         theta: rad, world frame; default: drawn.
+        area: name of one of `areas`, in which a drawn goal lies; in files the key is `in`.
     """
+
+    _optional = frozenset({"area"})
 
     distance: Positive = 0.40
     angle: Positive = 3.1416
@@ -406,6 +425,7 @@ class GoalConfig(Settings):
     position: Point | None = None
     jitter: tuple[NotNegative, NotNegative] = (0.0, 0.0)
     theta: Number | None = None
+    area: AreaName | None = Field(default=None, alias="in")
 
 
 class OtherRobotConfig(RobotConfig):
