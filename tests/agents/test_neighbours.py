@@ -20,8 +20,8 @@ from sonata2d.agents.pedestrians.neighbours import (
 from sonata2d.core.barrier_grid import Solids, solids_of
 from sonata2d.core.compiled.kernel import kernel
 from sonata2d.core.compiled.packing import pack, unpack
-from sonata2d.core.entities import Group, Human
-from sonata2d.core.geometry import Barriers, Pose
+from sonata2d.core.entities import Group, Human, Wall
+from sonata2d.core.geometry import Barriers, Pose, Twist
 from sonata2d.core.portable_math import Array, BoolArray, IntArray
 from sonata2d.registry import PEDESTRIAN_MODELS
 from sonata2d.sim.world import World
@@ -118,6 +118,25 @@ def test_lists_that_are_too_short_are_left_alone_and_their_length_is_returned() 
     walkers = walkers_at(np.zeros((3, 2)), np.full(3, -1), 5)
     assert find_neighbours(walkers, np.ones(3, dtype=bool), NO_WALLS) == 6
     assert not walkers.neighbour.any()
+
+
+def test_people_who_were_close_together_walk_among_many_walls() -> None:
+    """The list of neighbours, which has grown at the start, is not shortened when that of walls grows."""
+    places = [(0.7 * (k % 4) - 6.0, 0.7 * (k // 4)) for k in range(10)]
+    people = [
+        Human(k, Pose(x, y), behaviour="walking", goals=((9.0, 4.0 * k - 20.0),)) for k, (x, y) in enumerate(places, 1)
+    ]
+    ends = [(0.15 * (k % 60), 0.37 * (k // 60) - 20.0) for k in range(6000)]
+    walls = [Wall((x, y), (x + 0.05, y + 0.01)) for x, y in ends if abs(x - 4.0) < 2.0 and y % 4.0 > 1.5]
+    scene = room(people, polygon=HALL, inner=walls, robot=Pose(-35.0, -35.0))
+    crowd, world = Crowd(scene), World(scene)
+    lengths = []
+    for _ in range(120):
+        world.step(Twist(), crowd.act(world.snapshot()))
+        lists = crowd._state.value.walkers
+        lengths.append((len(lists.neighbour), len(lists.wall)))
+    assert lengths[-1] > lengths[0]
+    assert lengths == sorted(lengths)
 
 
 def accelerations(*humans: Human, groups: tuple[Group, ...] = ()) -> Array:

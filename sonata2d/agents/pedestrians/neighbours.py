@@ -116,9 +116,10 @@ def find_walls(walkers: Walkers, is_present: BoolArray, solids: Solids) -> int:
 
 
 def with_longer_lists(walkers: Walkers, neighbours: int, walls: int) -> Walkers:
-    """Walkers whose lists have room for twice as many neighbours and walls; they are empty."""
+    """Walkers whose lists have room for twice as many neighbours and walls, and never for fewer; they are empty."""
     count = len(walkers.position)
-    return with_lists(walkers, 2 * max(neighbours, 8 * count), 2 * max(walls, 8 * count))
+    pairs = max(len(walkers.neighbour), 2 * max(neighbours, 8 * count))  # one of the lists may be long enough
+    return with_lists(walkers, pairs, max(len(walkers.wall), 2 * max(walls, 8 * count)))
 
 
 def with_lists(walkers: Walkers, neighbours: int, walls: int) -> Walkers:
