@@ -1,4 +1,4 @@
-"""The commands `sonata2d scenarios list|show|draw|from-tracks|check`."""
+"""The commands `sonata2d scenarios list|show|draw|from-tracks|from-map|check`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import click
 from .command import Group
 from .controllers import controller_option
 from .options import PATH, examples, json_option
-from .output import progress, show_json, show_result, show_table, wants_json
+from .output import echo, progress, show_json, show_result, show_table, wants_json
 from .transfer import TRACK_OPTIONS, show_tracks, track_options
 
 
@@ -123,6 +123,76 @@ def scenario_from_tracks(tracks: Path, output: Path, **options: Any) -> None:
         },
         f"{output}: {config.description}; {len(config.people)} people, {replayed} of them replayed",
     )  # fmt: skip
+
+
+_LENGTH = click.FloatRange(0.0, min_open=True)
+
+
+@command.command(
+    "from-map",
+    epilog=examples(
+        "scenarios from-map map.yaml -o house.yaml",
+        "scenarios from-map flat.png --unit 0.02 --robot-at 3.5 2 -o flat.yaml",
+        "scenarios from-map office.dxf --walls A-WALL --furniture 'A-FURN*' -o office.yaml",
+    ),
+)
+@click.argument("map_file", type=PATH, metavar="FILE")
+@click.option("-o", "--output", type=PATH, required=True, help="Scenario file to write, .yaml or .json.")
+@click.option("--unit", type=_LENGTH, metavar="M", help="Size of a pixel of an image, or of a unit of a drawing, m.")
+@click.option(
+    "--robot-at", type=(float,) * 2, metavar="X Y", help="Use the floor around this point, m.  [default: the largest]"
+)
+@click.option("--smallest", type=_LENGTH, metavar="M", help="Leave out smaller obstacles, m.  [default: 0.15]")
+@click.option("--narrowest", type=_LENGTH, metavar="M", help="Close narrower passages, m.  [default: 0.3]")
+@click.option(
+    "--thin",
+    type=click.FloatRange(0.0),
+    metavar="M",
+    help="Thinner lines of an image are no walls, such as texts and swings of doors, m.  [default: 0.08; ROS: 0]",
+)
+@click.option(
+    "--tolerance", type=_LENGTH, metavar="M", help="Straighten walls by up to this, m.  [default: half a pixel; 0.01]"
+)
+@click.option(
+    "--most-walls", type=click.IntRange(10, 5000), metavar="N", help="Straighten more walls further.  [default: 1000]"
+)
+@click.option(
+    "--threshold",
+    type=click.FloatRange(0.0, 1.0),
+    help="Darkness from which a pixel of an image is a wall, 0 (white) to 1 (black).  [default: 0.5]",
+)
+@click.option("--wall-width", type=_LENGTH, metavar="M", help="Width of walls drawn as lines, m.  [default: 0.1]")
+@click.option("--walls", multiple=True, metavar="NAME", help="Layer, group or #colour of walls.  [default: *wall*]")
+@click.option("--doors", multiple=True, metavar="NAME", help="The same for doors.  [default: *door*]")
+@click.option("--furniture", multiple=True, metavar="NAME", help="The same for furniture.  [default: *furn*]")
+@click.option("--rooms", multiple=True, metavar="NAME", help="The same for outlines of rooms.  [default: *room*]")
+@json_option
+def scenario_from_map(map_file: Path, output: Path, **options: Any) -> None:
+    """Create a scenario from a floor plan.
+
+    FILE is a map.yaml of ROS, an image with dark walls, or a drawing in SVG or DXF. A picture of the walls on the map
+    is written beside the scenario, as .png.
+    """
+    from sonata2d.formats.from_tracks import save_scenario
+    from sonata2d.scenegen import generate, scenario_from_map
+    from sonata2d.view.map_picture import draw_on_map
+    from sonata2d.view.stills import save_surface
+
+    picture = output.with_suffix(".png")
+    for path in (output, picture):
+        if path.exists():
+            raise click.UsageError(f"{path} already exists; give a new file name, or remove the file first")
+    found = scenario_from_map(map_file, **{name: value for name, value in options.items() if value not in (None, ())})
+    scene = generate(found.config)  # before anything is written: people and robot have space
+    save_scenario(found.config, output)
+    save_surface(draw_on_map(scene, found.picture), picture)
+    for note in found.notes:
+        echo(f"note: {map_file.name}: {note}", err=True)
+    counts = ", ".join(f"{found.facts[key]} {key}" for key in ("walls", "rooms", "furniture", "entrances"))
+    show_result(
+        {"scenario": str(output), "picture": str(picture), **found.facts, "notes": found.notes},
+        f"{output}: floor of {found.facts['floor']:g} m², {counts}; {picture} shows them on the map",
+    )
 
 
 @command.command(

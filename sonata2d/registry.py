@@ -2,9 +2,10 @@
 
 These kinds can be extended by other packages, each through an entry-point group: controllers (`sonata2d.controllers`),
 pedestrian models (`sonata2d.pedestrian_models`), drives and sensors of robots (`sonata2d.drives`, `sonata2d.sensors`),
-formats (`sonata2d.formats`), metrics (`sonata2d.metrics`), room kinds (`sonata2d.room_kinds`), question kinds
-(`sonata2d.question_kinds`), parts of observations (`sonata2d.observation_parts`) and types of furniture
-(`sonata2d.furniture_types`). CONTRIBUTING.md describes the entry points of each group.
+formats (`sonata2d.formats`), metrics (`sonata2d.metrics`), room kinds (`sonata2d.room_kinds`), map readers
+(`sonata2d.map_readers`), question kinds (`sonata2d.question_kinds`), parts of observations
+(`sonata2d.observation_parts`) and types of furniture (`sonata2d.furniture_types`). CONTRIBUTING.md describes the entry
+points of each group.
 
 Listing names imports nothing; an object is imported when it is loaded.
 """
@@ -253,6 +254,19 @@ FORMATS = Registry(
 )
 
 METRICS = Registry("metric", "sonata2d.metrics", {}, MetricError)  # built-in ones: sonata2d.metrics.catalogue
+
+_MAPS = "sonata2d.scenegen.maps"
+MAP_READERS = Registry(
+    "map reader",
+    "sonata2d.map_readers",
+    {
+        "ros": f"{_MAPS}.raster:RosMap",
+        "image": f"{_MAPS}.raster:ImageMap",
+        "svg": f"{_MAPS}.svg:SvgDrawing",
+        "dxf": f"{_MAPS}.dxf:DxfDrawing",
+    },
+    ConfigError,
+)
 
 _ROOMS = "sonata2d.scenegen.floor_plans"
 ROOM_KINDS = Registry(

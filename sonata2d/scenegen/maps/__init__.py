@@ -1,0 +1,1 @@
+"""Scenarios from floor plans: maps of ROS, images, SVG and DXF drawings."""

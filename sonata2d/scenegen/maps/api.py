@@ -1,0 +1,90 @@
+"""Scenarios from maps, by the reader of their format."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ...errors import ConfigError
+from ...registry import MAP_READERS
+from ..scenario.config import ScenarioConfig
+from .plan import MapOptions, Picture, Plan, corners_of, piece_settings
+
+_PEOPLE = {"standing": [0, 4], "wandering": [2, 6], "tables": 0, "plants": 0, "relations": 0}  # drawn by default
+_SLOWEST = 0.4  # m/s, at which a robot crosses the whole building three times within the time limit
+_SHORTEST = 60.0  # s
+
+
+class MapScenario(NamedTuple):
+    """A scenario from a map.
+
+    Attributes:
+        config: the scenario.
+        picture: the map.
+        facts: number of walls, rooms, pieces of furniture and entrances, and the area of the floor, m².
+        notes: what was left out or changed.
+    """
+
+    config: ScenarioConfig
+    picture: Picture
+    facts: dict[str, Any]
+    notes: list[str]
+
+
+def scenario_from_map(path: str | Path, **options: Any) -> MapScenario:
+    """Make a scenario of a floor plan: a map of ROS, an image, or an SVG or DXF drawing.
+
+    The room is the connected floor with its walls. People and the robot are placed on it as in any scenario. Rooms are
+    `areas`, doors to the outside are `doors`, and obstacles on the floor are furniture.
+
+    Args:
+        path: a file of a format in `registry.MAP_READERS`, by its suffix: `.yaml` (ROS), `.png` and other images,
+            `.svg`, `.dxf`.
+        options: fields of `MapOptions`.
+
+    Raises:
+        ConfigError: the suffix is unknown, the file cannot be read, or it has no floor.
+        TypeError: an option is unknown.
+    """
+    path = Path(path)
+    loaded = [MAP_READERS.load(name) for name in MAP_READERS]
+    readers = {suffix: reader for reader in loaded for suffix in reader.suffixes}
+    if path.suffix.lower() not in readers:
+        raise ConfigError(f"{path}: maps have one of the suffixes {', '.join(readers)}")
+    plan = readers[path.suffix.lower()]().read(path, MapOptions(**options))
+    settings = _settings(plan, path)
+    try:
+        config = ScenarioConfig(**settings)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: the map gives no valid scenario: {error}") from error
+    rings = (config.room.polygon or (), *config.room.holes)
+    facts = {
+        "walls": sum(map(len, rings)),
+        "rooms": len(config.areas),
+        "furniture": len(config.furniture),
+        "entrances": len(config.doors),
+        "floor": round(float(plan.floor.area), 1),
+    }
+    return MapScenario(config, plan.picture, facts, plan.notes)
+
+
+def _settings(plan: Plan, path: Path) -> dict[str, Any]:
+    low_x, low_y, high_x, high_y = plan.floor.bounds
+    across = math.hypot(high_x - low_x, high_y - low_y)
+    return {
+        "name": path.stem,
+        "description": f"floor plan of {path.name}",
+        **_PEOPLE,
+        "room": {
+            "polygon": corners_of(plan.floor.exterior),
+            "holes": [corners_of(ring) for ring in plan.floor.interiors],
+        },
+        "areas": [{"name": name, "polygon": corners_of(area.exterior)} for name, area in plan.areas.items()],
+        "furniture": [piece_settings(piece) for piece in plan.furniture],
+        "doors": [
+            {"x": round(x, 3), "y": round(y, 3), "width": round(min(max(width, 0.7), 3.0), 2)}
+            for (x, y), width in plan.entrances
+        ],
+        "rules": {"time_limit": float(math.ceil(max(_SHORTEST, 3.0 * across / _SLOWEST)))},
+    }

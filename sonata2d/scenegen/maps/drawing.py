@@ -1,0 +1,247 @@
+"""Drawings of buildings: lines and shapes in layers become floor, rooms, doors and furniture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.geometry import Point
+from ...core.portable_math import Array
+from ...errors import ConfigError
+from .plan import (
+    MapOptions,
+    Picture,
+    Piece,
+    Plan,
+    chosen_floor,
+    opened,
+    polygons_of,
+    rooms_of,
+    shapely,
+    straightened,
+    with_objects,
+    without_specks,
+)
+
+_SMALLEST_ROOM, _SMALLEST_GAP = 0.5, 0.01  # m²
+_TOLERANCE, _JOINED = 0.01, 1e-3  # m, of straightened walls, and by which parts of the floor overlap
+_FACE = 0.03  # m, by which a door drawn on the face of a wall reaches into the gap
+_SLIT = 0.02  # m, half the width of a gap between a door and a wall that counts as closed
+_LARGEST_OBJECT = 1.0  # m, longest side of a closed outline of walls that counts as an object, such as a pillar
+_PICTURE_SIDE = 1600  # pixels of the longer side
+_TYPES = {  # parts of names of furniture, and the types that they mean
+    "desk": "table", "table": "table", "chair": "chair", "stool": "chair", "seat": "chair", "plant": "plant",
+    "laptop": "laptop", "tv": "tv", "television": "tv", "shelf": "shelf", "cupboard": "shelf", "wardrobe": "shelf",
+    "bookcase": "shelf", "cabinet": "shelf",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class DrawnShape:
+    """A line or an outline of a drawing.
+
+    Attributes:
+        points: (K, 2), m; curves are lines in pieces.
+        layers: names of its layer and groups, and its colours as #rrggbb.
+        name: of its element or block, for furniture and rooms; may be empty.
+        is_filled: whether the outline is an area rather than a line.
+    """
+
+    points: Array
+    layers: frozenset[str]
+    name: str = ""
+    is_filled: bool = False
+
+
+@dataclass(frozen=True)
+class DrawnText:
+    """A word in a drawing, which names the room around its position (m)."""
+
+    text: str
+    position: Point
+
+
+def plan_of(path: Path, shapes: Sequence[DrawnShape], texts: Sequence[DrawnText], options: MapOptions) -> Plan:
+    """The plan of a drawing.
+
+    Doors close the gaps between walls. What is then enclosed is a room; rooms with a common door are one floor, and a
+    door to the outside is an entrance.
+
+    Raises:
+        ConfigError: the drawing has no walls by the names in the options, or they enclose no floor.
+    """
+    notes: list[str] = []
+    walls = [
+        _solid(shape, options.wall_width)
+        for shape in shapes
+        if _matches(shape, options.walls) and not _matches(shape, options.doors)
+    ]
+    if not walls:
+        known = sorted({name for shape in shapes for name in shape.layers})
+        listed = ", ".join(known[:20]) + (", …" if len(known) > 20 else "")
+        raise ConfigError(
+            f"{path}: no layer, group or colour is named like {', '.join(options.walls)}; the drawing has "
+            f"{listed or 'no names'}; give the one with walls (--walls NAME)"
+        )
+    solid = shapely().union_all(walls)
+    doors = [hull for shape in _grouped(shapes, options.doors) if (hull := _hull(shape)) is not None]
+    thresholds = [part for hull in doors if (part := _threshold(hull, solid)) is not None]
+    closing = shapely().union_all([solid, *thresholds])
+    frame = shapely().box(*closing.bounds).buffer(1.0)
+    enclosed = [
+        part.buffer(_SLIT, join_style="mitre").difference(closing)
+        for part in polygons_of(frame.difference(closing.buffer(_SLIT, join_style="mitre")))
+        if part.area > _SMALLEST_ROOM and not part.intersects(frame.exterior)
+    ]
+    floors, entrances = _connected(enclosed, thresholds)
+    wide = [part for floor in floors for part in opened(floor, options.narrowest)]
+    floor = without_specks(chosen_floor(wide, options.robot_at, notes), options.smallest, notes)
+    floor = straightened(floor, options.tolerance or _TOLERANCE, options.most_walls, notes)
+    floor, pillars = with_objects(floor, _LARGEST_OBJECT)
+    furniture = [
+        Piece(_type_of(s), hull) for s in _grouped(shapes, options.furniture) if (hull := _hull(s)) is not None
+    ]
+    inside = [piece for piece in furniture if floor.contains(piece.outline)]
+    if len(inside) < len(furniture):
+        notes.append(f"{len(furniture) - len(inside)} pieces of furniture are left out: they are in walls or outside")
+    areas = _named(shapes, texts, enclosed, floor, options) or rooms_of(floor)
+    lost = [text.text for text in texts if not any(room.contains(shapely().Point(*text.position)) for room in enclosed)]
+    if lost:
+        listed = ", ".join(map(repr, lost[:5])) + (", …" if len(lost) > 5 else "")
+        notes.append(
+            f"these texts are not in an enclosed room: {listed}; if they name rooms, close gaps in their walls"
+        )
+    near = floor.buffer(2.0 * options.wall_width + 0.3)
+    doors_outside = [
+        (threshold.centroid.coords[0], _width_of(threshold)) for threshold in entrances if near.intersects(threshold)
+    ]
+    return Plan(floor, pillars + inside, areas, doors_outside, _picture(shapes), notes)
+
+
+def _matches(shape: DrawnShape, patterns: Iterable[str]) -> bool:
+    return any(fnmatch(layer.lower(), pattern.lower()) for layer in shape.layers for pattern in patterns)
+
+
+def _solid(shape: DrawnShape, width: float) -> Any:
+    """A wall: a filled outline, or a line of a given width, m."""
+    line = shapely().LineString(shape.points)
+    if shape.is_filled and len(shape.points) > 3:
+        outline = shapely().Polygon(shape.points)
+        return outline if outline.is_valid else outline.buffer(0.0)
+    return line.buffer(width / 2.0, cap_style="square", join_style="mitre")
+
+
+def _grouped(shapes: Sequence[DrawnShape], patterns: Iterable[str]) -> list[DrawnShape]:
+    """The shapes of a layer; those with the same name, as the lines of a block, are joined to one."""
+    found: dict[str, list[DrawnShape]] = {}
+    for k, shape in enumerate(shapes):
+        if _matches(shape, patterns):
+            found.setdefault(shape.name if "#" in shape.name else f"{k}", []).append(shape)
+    return [
+        parts[0]
+        if len(parts) == 1
+        else DrawnShape(np.concatenate([part.points for part in parts]), parts[0].layers, parts[0].name)
+        for parts in found.values()
+    ]
+
+
+def _hull(shape: DrawnShape) -> Any | None:
+    """The outline around a shape: its own if it is closed and convex, else its convex hull; None: it has no area."""
+    hull = shapely().MultiPoint(shape.points).convex_hull
+    if hull.geom_type == "LineString":
+        hull = hull.buffer(0.02, cap_style="flat")
+    return hull if hull.geom_type == "Polygon" and hull.area > 1e-4 else None
+
+
+def _threshold(hull: Any, solid: Any) -> Any | None:
+    """The part of a door between walls; None: there are no walls around it.
+
+    Args:
+        hull: outline around the door, with its swing.
+        solid: the walls.
+    """
+    half = 0.55 * _width_of(hull)
+    around = solid.intersection(hull.buffer(3.0 * half))
+    closed = around.buffer(half, join_style="mitre").buffer(-half, join_style="mitre")
+    gaps = polygons_of(closed.intersection(hull.buffer(_FACE)).difference(solid))
+    if gaps and gaps[0].area > _SMALLEST_GAP:
+        return gaps[0]
+    in_wall = polygons_of(closed.intersection(hull))  # a door drawn on a wall without a gap
+    return in_wall[0] if in_wall else None
+
+
+def _connected(rooms: Sequence[Any], thresholds: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+    """Floors of rooms that doors connect, and the doors of one room only."""
+    inner, entrances = list[Any](), list[Any]()
+    for threshold in thresholds:
+        reach = threshold.buffer(0.05)
+        touched = sum(reach.intersection(room).area > 1e-4 for room in rooms)
+        (inner if touched > 1 else entrances).append(threshold)
+    parts = [part.buffer(_JOINED, join_style="mitre") for part in (*rooms, *inner)]
+    joined = shapely().union_all(parts).buffer(-_JOINED, join_style="mitre")
+    return [floor for floor in polygons_of(joined) if floor.area > 1.0], entrances
+
+
+def _named(
+    shapes: Sequence[DrawnShape], texts: Sequence[DrawnText], rooms: Sequence[Any], floor: Any, options: MapOptions
+) -> dict[str, Any]:
+    """Rooms by name: outlines in the layer of rooms, and enclosed rooms with a text in them."""
+    found: dict[str, Any] = {}
+    for shape in shapes:
+        if _matches(shape, options.rooms) and len(shape.points) > 3:
+            outline = shapely().Polygon(shape.points).buffer(0.0)
+            _add(found, shape.name.split("#")[0] or "room", outline, floor)
+    if found:
+        return found
+    for room in rooms:
+        words = [text.text for text in texts if room.contains(shapely().Point(*text.position))]
+        if words:
+            _add(found, " ".join(words), room, floor)
+    return found
+
+
+def _add(found: dict[str, Any], name: str, outline: Any, floor: Any) -> None:
+    """Add the part of a room that is on the floor, with a name of its own."""
+    parts = polygons_of(outline.intersection(floor))
+    if parts and parts[0].area > _SMALLEST_ROOM:
+        part = shapely().Polygon(parts[0].simplify(_TOLERANCE).exterior)
+        count = sum(known == name or known.startswith(f"{name} ") for known in found)
+        found[f"{name} {count + 1}" if count else name] = part
+
+
+def _type_of(shape: DrawnShape) -> str:
+    name = shape.name.split("#")[0].strip().lower()
+    return next((kind for part, kind in _TYPES.items() if part in name), name or "object")
+
+
+def _width_of(threshold: Any) -> float:
+    corners = np.array(threshold.minimum_rotated_rectangle.exterior.coords)[:3]
+    return float(np.hypot(*np.diff(corners, axis=0).T).max())
+
+
+def _picture(shapes: Sequence[DrawnShape]) -> Picture:
+    """The drawing as an image."""
+    from .raster import optional_image
+
+    low = np.min([shape.points.min(axis=0) for shape in shapes], axis=0) - 0.5
+    high = np.max([shape.points.max(axis=0) for shape in shapes], axis=0) + 0.5
+    size = float((high - low).max()) / _PICTURE_SIDE
+    width, height = (int(side / size) + 1 for side in high - low)
+    optional_image()
+    from PIL import Image, ImageDraw
+
+    image = Image.new("L", (width, height), 255)
+    brush = ImageDraw.Draw(image)
+    picture = Picture(np.asarray(image), (float(low[0]), float(low[1])), 0.0, size)
+    for shape in shapes:
+        points = [tuple(point) for point in picture.to_pixels(shape.points).tolist()]
+        if shape.is_filled and len(points) > 2:
+            brush.polygon(points, fill=150)
+        else:
+            brush.line(points, fill=90, width=2)
+    return Picture(np.asarray(image), picture.origin, 0.0, size)

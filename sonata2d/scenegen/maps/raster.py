@@ -1,0 +1,171 @@
+"""Maps as images: `map.yaml` of ROS with its image, and plans that were drawn or scanned."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.files.optional import optional
+from ...core.portable_math import BoolArray
+from ...errors import ConfigError
+from .plan import (
+    MapOptions,
+    Picture,
+    Plan,
+    chosen_floor,
+    opened,
+    polygons_of,
+    rooms_of,
+    shapely,
+    straightened,
+    with_objects,
+    without_specks,
+)
+
+_LARGEST_OBJECT = 2.5  # m, longest side of an obstacle that counts as furniture
+_MOST_PIXELS = 100_000_000
+_THIN = 0.08  # m, default of `MapOptions.thin` for images
+
+
+class RosMap:
+    """Occupancy grids of ROS: a `map.yaml`, as of nav2's map server, and the image that it names.
+
+    Cells that are neither occupied nor free are unknown, and no floor. Source of the format:
+    https://wiki.ros.org/map_server and the nav2 map server, modes `trinary`, `scale` and `raw`.
+    """
+
+    suffixes = (".yaml", ".yml")
+
+    def read(self, path: Path, options: MapOptions) -> Plan:
+        """Read a map.
+
+        Raises:
+            ConfigError: a file cannot be read, or has no floor.
+        """
+        import yaml
+
+        try:
+            header = yaml.safe_load(path.read_text(encoding="utf-8"))
+            image, unit = path.parent / str(header["image"]), float(options.unit or header["resolution"])
+            x, y, theta = (float(value) for value in header["origin"])
+            occupied, free = float(header.get("occupied_thresh", 0.65)), float(header.get("free_thresh", 0.25))
+            negate, mode = bool(int(header.get("negate", 0))), str(header.get("mode", "trinary"))
+        except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, ValueError) as error:
+            raise ConfigError(
+                f"{path} is not a map of ROS, which has image, resolution and origin: {type(error).__name__}: {error}"
+            ) from error
+        grey, alpha = _read_image(image)
+        light = grey / 255.0
+        darkness = grey / 100.0 if mode == "raw" else light if negate else 1.0 - light
+        is_floor = (darkness < free) & (darkness < occupied)
+        if mode != "trinary":
+            is_floor &= alpha == 255
+        picture = Picture(grey, (x, y), theta, unit)
+        return _traced(is_floor, picture, options, thin=options.thin or 0.0, has_outside=False)
+
+
+class ImageMap:
+    """Drawn or scanned plans: dark walls on a light ground; `unit` is the size of a pixel."""
+
+    suffixes = (".png", ".pgm", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
+
+    def read(self, path: Path, options: MapOptions) -> Plan:
+        """Read a plan.
+
+        Raises:
+            ConfigError: the size of a pixel is not given, the file cannot be read, or no floor is enclosed by walls.
+        """
+        if options.unit is None:
+            raise ConfigError(f"{path}: an image does not say how large it is; give the size of a pixel, m (--unit)")
+        grey, alpha = _read_image(path)
+        is_floor = (grey > 255.0 * (1.0 - options.threshold)) | (alpha < 128)
+        picture = Picture(grey, (0.0, 0.0), 0.0, options.unit)
+        thin = _THIN if options.thin is None else options.thin
+        return _traced(is_floor, picture, options, thin=thin, has_outside=True)
+
+
+def _read_image(path: Path) -> tuple[Any, Any]:
+    """Brightness and opacity of an image, (H, W) of uint8 each.
+
+    Raises:
+        ConfigError: it cannot be read, or is too large.
+    """
+    image = optional_image()
+    image.MAX_IMAGE_PIXELS = None
+    try:
+        with image.open(path) as opened_image:
+            if opened_image.width * opened_image.height > _MOST_PIXELS:
+                size = f"{opened_image.width} x {opened_image.height}"
+                raise ConfigError(f"{path} has {size} pixels, at most {_MOST_PIXELS} are read; make it smaller")
+            if opened_image.mode.startswith("I"):
+                raise ConfigError(f"{path} has 16 bits a pixel; save it with 8 bits")
+            bands = np.asarray(opened_image.convert("LA"))
+    except (OSError, ValueError, SyntaxError) as error:
+        raise ConfigError(f"the image {path} cannot be read: {error}") from error
+    return bands[:, :, 0], bands[:, :, 1]
+
+
+def optional_image() -> Any:
+    """`PIL.Image`.
+
+    Raises:
+        ConfigError: Pillow is not installed.
+    """
+    try:
+        return optional("PIL.Image", ConfigError)
+    except ConfigError as error:
+        raise ConfigError("maps need Pillow, which is not installed; pip install 'sonata2d[maps]'") from error
+
+
+def _traced(is_floor: BoolArray, picture: Picture, options: MapOptions, *, thin: float, has_outside: bool) -> Plan:
+    """The plan of an image.
+
+    Args:
+        is_floor: (H, W), the first row on top.
+        picture: the image.
+        options: of the reader.
+        thin: lines that are thinner are removed, m.
+        has_outside: whether floor that reaches the border of the image is outside of the building.
+    """
+    notes: list[str] = []
+    unit, height, width = picture.size, *is_floor.shape
+    frame = shapely().box(0.0, 0.0, width * unit, height * unit)
+    floors = _outlines(is_floor[::-1], unit)
+    if thin > unit:
+        walls = frame.buffer(unit).difference(shapely().union_all(floors)).simplify(0.3 * unit)
+        thick = walls.buffer(-thin / 2.0, join_style="mitre").buffer(thin / 2.0, join_style="mitre")
+        floors = polygons_of(frame.difference(thick))
+    tolerance = options.tolerance or unit / 2.0
+    border = frame.exterior.buffer(0.75 * unit)
+    inside = [floor for floor in floors if not (has_outside and floor.intersects(border))]
+    if not inside and floors:
+        notes.append("all floor reaches the border of the image, so that it is not taken for the outside")
+    c, s = math.cos(picture.theta), math.sin(picture.theta)
+    matrix = [c, -s, s, c, *picture.origin]
+    placed = [shapely().affinity.affine_transform(floor, matrix) for floor in inside or floors]
+    wide = [part for floor in placed if floor.area > 1.0 for part in opened(floor, options.narrowest)]
+    floor = without_specks(chosen_floor(wide, options.robot_at, notes), options.smallest, notes)
+    floor = straightened(floor, tolerance, options.most_walls, notes)
+    floor, pieces = with_objects(floor, _LARGEST_OBJECT)
+    return Plan(floor, pieces, rooms_of(floor), [], picture, notes)
+
+
+def _outlines(is_floor: BoolArray, unit: float) -> list[Any]:
+    """The connected parts of a grid as polygons of shapely with holes, m; the first row is at the bottom."""
+    try:
+        contours = optional("contourpy", ConfigError)
+    except ConfigError as error:
+        raise ConfigError("maps need contourpy, which is not installed; pip install 'sonata2d[maps]'") from error
+    padded = np.pad(is_floor.astype(float), 1)
+    generator = contours.contour_generator(z=padded, fill_type="OuterOffset", name="serial")
+    found = []
+    for points, offsets in zip(*generator.filled(0.5, 2.0), strict=True):
+        # the centre of the first cell, after one cell of padding, is at half a cell
+        rings = [(points[a:b] - 0.5) * unit for a, b in pairwise(offsets)]
+        polygon = shapely().Polygon(rings[0], rings[1:])
+        found += polygons_of(polygon if polygon.is_valid else polygon.buffer(0.0))
+    return found
