@@ -23,6 +23,7 @@ from sonata2d.window.profiles import write_default_controls
 
 from ..formats.layouts import LAYOUTS
 from ..formats.test_socnav3 import foreign
+from ..scenegen.test_maps import FLAT, TWO_ROOMS, grid, write_dxf, write_ros
 
 SCENARIO: dict[str, Any] = {
     "name": "fuzz",
@@ -72,6 +73,11 @@ def make_samples(folder: Path) -> None:
     write_card(data)
     generate_dataset(folder / "dataset" / "other", config, "straight-to-goal", episodes=2, seed=4, workers=1)
     generate_dataset(folder / "shard" / "set", config, "straight-to-goal", episodes=3, seed=4, shard_size=2, workers=1)
+    maps = folder / "map"
+    maps.mkdir()
+    write_ros(maps, grid(*TWO_ROOMS))
+    (maps / "flat.svg").write_text(FLAT)
+    write_dxf(maps / "office.dxf")
     (folder / "tar").mkdir()
     shutil.copy(folder / "shard" / "set" / "shard-000000.tar", folder / "tar" / "bare.tar")
     rate(data, rng)

@@ -6,10 +6,11 @@ import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ...core.wording import one_line
 from ...errors import ConfigError
 from ...registry import MAP_READERS
 from ..scenario.config import ScenarioConfig
-from .plan import MapOptions, Picture, Plan, corners_of, piece_settings
+from .plan import MapOptions, Picture, Plan, corners_of, piece_settings, shapely
 
 _PEOPLE = {"standing": [0, 4], "wandering": [2, 6], "tables": 0, "plants": 0, "relations": 0}  # drawn by default
 _SLOWEST = 0.4  # m/s, at which a robot crosses the whole building three times within the time limit
@@ -52,8 +53,12 @@ def scenario_from_map(path: str | Path, **options: Any) -> MapScenario:
     readers = {suffix: reader for reader in loaded for suffix in reader.suffixes}
     if path.suffix.lower() not in readers:
         raise ConfigError(f"{path}: maps have one of the suffixes {', '.join(readers)}")
-    plan = readers[path.suffix.lower()]().read(path, MapOptions(**options))
-    settings = _settings(plan, path)
+    reader, geometry = readers[path.suffix.lower()](), shapely()
+    try:
+        plan = reader.read(path, MapOptions(**options))
+        settings = _settings(plan, path)
+    except geometry.errors.ShapelyError as error:
+        raise ConfigError(f"{path.name}: the outlines of the map cannot be used: {one_line(error, 200)}") from error
     try:
         config = ScenarioConfig(**settings)
     except ConfigError as error:

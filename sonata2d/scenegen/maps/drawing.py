@@ -28,6 +28,9 @@ from .plan import (
     without_specks,
 )
 
+# Exceptions with which the parsers of drawings end on damaged files
+UNREADABLE = (ValueError, ArithmeticError, LookupError, TypeError, AttributeError, StopIteration, RecursionError)
+_LARGEST = 2000.0  # m, side of a drawing
 _SMALLEST_ROOM, _SMALLEST_GAP = 0.5, 0.01  # m²
 _TOLERANCE, _JOINED = 0.01, 1e-3  # m, of straightened walls, and by which parts of the floor overlap
 _FACE = 0.03  # m, by which a door drawn on the face of a wall reaches into the gap
@@ -76,6 +79,8 @@ def plan_of(path: Path, shapes: Sequence[DrawnShape], texts: Sequence[DrawnText]
         ConfigError: the drawing has no walls by the names in the options, or they enclose no floor.
     """
     notes: list[str] = []
+    shapes = [shape for shape in shapes if np.isfinite(shape.points).all()]
+    _check_size(path, shapes)
     walls = [
         _solid(shape, options.wall_width)
         for shape in shapes
@@ -121,6 +126,17 @@ def plan_of(path: Path, shapes: Sequence[DrawnShape], texts: Sequence[DrawnText]
         (threshold.centroid.coords[0], _width_of(threshold)) for threshold in entrances if near.intersects(threshold)
     ]
     return Plan(floor, pillars + inside, areas, doors_outside, _picture(shapes), notes)
+
+
+def _check_size(path: Path, shapes: Sequence[DrawnShape]) -> None:
+    if not shapes:
+        raise ConfigError(f"{path.name}: the drawing has no lines")
+    points = np.concatenate([shape.points for shape in shapes])
+    side = float(np.ptp(points, axis=0).max())
+    if side > _LARGEST or np.abs(points).max() > 1e9:
+        raise ConfigError(
+            f"{path.name}: the drawing is {side:.3g} m wide, at most {_LARGEST:g} m are read; check the unit"
+        )
 
 
 def _matches(shape: DrawnShape, patterns: Iterable[str]) -> bool:

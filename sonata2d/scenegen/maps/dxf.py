@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 
 from ...core.files.optional import optional
+from ...core.wording import one_line
 from ...errors import ConfigError
-from .drawing import DrawnShape, DrawnText, plan_of
-from .plan import MapOptions, Plan
+from .drawing import UNREADABLE, DrawnShape, DrawnText, plan_of
+from .plan import MapOptions, Plan, read_map
 
 _FLATNESS = 0.01  # m, by which pieces of a curve may differ from it
+_COARSE = 1e-4  # the same, as a share of the size of the curve
 _DEEPEST = 8  # blocks in blocks
 
 
@@ -36,10 +38,11 @@ class DxfDrawing:
             units, paths = optional("ezdxf.units", ConfigError), optional("ezdxf.path", ConfigError)
         except ConfigError as error:
             raise ConfigError("DXF drawings need ezdxf; pip install 'sonata2d[maps]'") from error
+        read_map(path)  # is a file, and not too large
         try:
             document = ezdxf.readfile(path)
-        except (OSError, ezdxf.DXFError, ValueError) as error:
-            raise ConfigError(f"{path} is not a DXF drawing: {error}") from error
+        except (OSError, ezdxf.DXFError, *UNREADABLE) as error:
+            raise ConfigError(f"{path.name} is not a DXF drawing: {one_line(error, 200) or 'it is cut off'}") from error
         unit = options.unit
         if unit is None:
             if not document.units:
@@ -56,14 +59,22 @@ class DxfDrawing:
                 continue
             try:
                 found = paths.from_hatch(entity) if kind == "HATCH" else [paths.make_path(entity)]
-                lines = [list(part.flattening(_FLATNESS / unit)) for part in found if len(part)]
-            except TypeError:  # not a line: dimensions, images
+                lines = [
+                    list(part.flattening(max(_FLATNESS / unit, _COARSE * _side(part)))) for part in found if len(part)
+                ]
+            except (ezdxf.DXFError, *UNREADABLE):  # not a line, such as dimensions and images, or damaged
                 continue
             for line in lines:
                 points = np.array([(point.x, point.y) for point in line]) * unit
                 if np.ptp(points, axis=0).max() > 0.0:
                     shapes.append(DrawnShape(points, layers, name, kind in ("HATCH", "SOLID")))
         return plan_of(path, shapes, texts, options)
+
+
+def _side(path: Any) -> float:
+    """The longer side of the box around the control points of a path."""
+    corners = np.array([(point.x, point.y) for point in path.control_vertices()])
+    return float(np.ptp(corners, axis=0).max())
 
 
 def _entities(

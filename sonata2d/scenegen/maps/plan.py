@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...core.files.optional import optional
+from ...core.files.reading import read_at_most
 from ...core.floats import FloatFields
 from ...core.geometry import Point
 from ...core.portable_math import Array
@@ -21,6 +23,7 @@ _ROUND, _BOXLIKE, _CONVEX = 0.92, 0.87, 0.8  # shares of an outline in a circle,
 _MOST_CORNERS = 12  # of the outline of a piece of furniture
 _DOOR = 1.05  # m, between rooms; wider openings and corridors connect parts of one room
 _LARGE = 2.5  # m, longest side of an obstacle that may separate rooms
+_MOST_BYTES = 100_000_000
 _TOUCHING, _CLEARANCE = 1e-3, 3e-3  # m
 _SMALLEST_MIDDLE = 0.5  # m², of a room without a margin of half the width of a door
 
@@ -114,6 +117,18 @@ class MapOptions(FloatFields):
     doors: Sequence[str] = ("*door*",)
     furniture: Sequence[str] = ("*furn*",)
     rooms: Sequence[str] = ("*room*",)
+
+
+def read_map(path: Path) -> bytes:
+    """The content of a file of a map.
+
+    Raises:
+        ConfigError: it cannot be read, or is too large.
+    """
+    try:
+        return read_at_most(path, _MOST_BYTES, remedy="simplify the map")
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
 
 
 def shapely() -> Any:

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from annotated_types import Ge, Gt, Le
+from pydantic import BaseModel, ValidationError
 
 from ...core.files.optional import optional
 from ...core.portable_math import BoolArray
+from ...core.wording import one_line
 from ...errors import ConfigError
+from ..scenario.parse import parse_settings
 from .plan import (
     MapOptions,
     Picture,
@@ -19,6 +24,7 @@ from .plan import (
     chosen_floor,
     opened,
     polygons_of,
+    read_map,
     rooms_of,
     shapely,
     straightened,
@@ -27,8 +33,21 @@ from .plan import (
 )
 
 _LARGEST_OBJECT = 2.5  # m, longest side of an obstacle that counts as furniture
-_MOST_PIXELS = 100_000_000
+_MOST_PIXELS = 25_000_000
+_Coordinate = Annotated[float, Ge(-1e6), Le(1e6)]
 _THIN = 0.08  # m, default of `MapOptions.thin` for images
+
+
+class _Header(BaseModel):
+    """The keys of `map.yaml` that are read; others are ignored."""
+
+    image: str
+    resolution: Annotated[float, Gt(0), Le(1e3)]
+    origin: tuple[_Coordinate, _Coordinate, _Coordinate]
+    occupied_thresh: float = 0.65
+    free_thresh: float = 0.25
+    negate: bool = False
+    mode: Literal["trinary", "scale", "raw"] = "trinary"
 
 
 class RosMap:
@@ -46,25 +65,22 @@ class RosMap:
         Raises:
             ConfigError: a file cannot be read, or has no floor.
         """
-        import yaml
-
+        values = parse_settings(path, "map of ROS")
         try:
-            header = yaml.safe_load(path.read_text(encoding="utf-8"))
-            image, unit = path.parent / str(header["image"]), float(options.unit or header["resolution"])
-            x, y, theta = (float(value) for value in header["origin"])
-            occupied, free = float(header.get("occupied_thresh", 0.65)), float(header.get("free_thresh", 0.25))
-            negate, mode = bool(int(header.get("negate", 0))), str(header.get("mode", "trinary"))
-        except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, ValueError) as error:
-            raise ConfigError(
-                f"{path} is not a map of ROS, which has image, resolution and origin: {type(error).__name__}: {error}"
-            ) from error
-        grey, alpha = _read_image(image)
-        light = grey / 255.0
-        darkness = grey / 100.0 if mode == "raw" else light if negate else 1.0 - light
-        is_floor = (darkness < free) & (darkness < occupied)
-        if mode != "trinary":
+            header = _Header.model_validate(values)
+        except ValidationError as error:
+            first = error.errors()[0]
+            key = ".".join(map(str, first["loc"]))
+            raise ConfigError(f"{path.name}: {key} of the map of ROS: {first['msg']}") from error
+        grey, alpha = _read_image(path.parent / header.image)
+        # darkness of each of the 256 values of a pixel
+        steps = np.arange(256) / 255.0
+        darkness = np.arange(256) / 100.0 if header.mode == "raw" else steps if header.negate else 1.0 - steps
+        is_floor = ((darkness < header.free_thresh) & (darkness < header.occupied_thresh))[grey]
+        if header.mode != "trinary":
             is_floor &= alpha == 255
-        picture = Picture(grey, (x, y), theta, unit)
+        x, y, theta = header.origin
+        picture = Picture(grey, (x, y), theta, options.unit or header.resolution)
         return _traced(is_floor, picture, options, thin=options.thin or 0.0, has_outside=False)
 
 
@@ -94,18 +110,17 @@ def _read_image(path: Path) -> tuple[Any, Any]:
     Raises:
         ConfigError: it cannot be read, or is too large.
     """
-    image = optional_image()
-    image.MAX_IMAGE_PIXELS = None
+    image, data = optional_image(), BytesIO(read_map(path))
     try:
-        with image.open(path) as opened_image:
+        with image.open(data) as opened_image:
             if opened_image.width * opened_image.height > _MOST_PIXELS:
                 size = f"{opened_image.width} x {opened_image.height}"
                 raise ConfigError(f"{path} has {size} pixels, at most {_MOST_PIXELS} are read; make it smaller")
             if opened_image.mode.startswith("I"):
                 raise ConfigError(f"{path} has 16 bits a pixel; save it with 8 bits")
             bands = np.asarray(opened_image.convert("LA"))
-    except (OSError, ValueError, SyntaxError) as error:
-        raise ConfigError(f"the image {path} cannot be read: {error}") from error
+    except (OSError, ValueError, SyntaxError, image.DecompressionBombError) as error:
+        raise ConfigError(f"the image {path.name} cannot be read: {one_line(error, 200)}") from error
     return bands[:, :, 0], bands[:, :, 1]
 
 

@@ -12,9 +12,10 @@ import numpy as np
 
 from ...core.files.optional import optional
 from ...core.portable_math import Array
+from ...core.wording import one_line
 from ...errors import ConfigError
-from .drawing import DrawnShape, DrawnText, plan_of
-from .plan import MapOptions, Plan
+from .drawing import UNREADABLE, DrawnShape, DrawnText, plan_of
+from .plan import MapOptions, Plan, read_map
 
 _NOT_DRAWN = {"defs", "symbol", "clipPath", "mask", "marker", "pattern", "metadata", "title", "desc", "style"}
 _PIECES = 16  # into which a curve is divided
@@ -39,9 +40,9 @@ class SvgDrawing:
                 f"{path}: a drawing in SVG does not say how large it is; give the length of its unit, m (--unit)"
             )
         try:
-            root = ElementTree.parse(path).getroot()
-        except (OSError, ElementTree.ParseError) as error:
-            raise ConfigError(f"{path} is not an SVG drawing: {error}") from error
+            root = ElementTree.fromstring(read_map(path))
+        except (ElementTree.ParseError, *UNREADABLE) as error:
+            raise ConfigError(f"{path.name} is not an SVG drawing: {one_line(error, 200)}") from error
         shapes, texts = list[DrawnShape](), list[DrawnText]()
         flip = np.diag([options.unit, -options.unit, 1.0])  # y of SVG points down
         for number, (element, matrix, layers, style) in enumerate(_elements(root, np.eye(3), frozenset(), {})):
@@ -104,8 +105,9 @@ def _lines(element: Any, tag: str) -> list[Array]:
         else:
             return []
         path = _paths().parse_path(text)
-    except (ValueError, IndexError, KeyError, TypeError) as error:
-        raise ConfigError(f"the {tag} {element.get('id') or ''} of the drawing cannot be read: {error}") from error
+    except UNREADABLE as error:
+        name = f"{tag} {element.get('id') or ''}".strip()
+        raise ConfigError(f"the {name} of the drawing cannot be read: {one_line(error, 200)}") from error
     found = []
     for part in path.continuous_subpaths():
         points = [part[0].start]
