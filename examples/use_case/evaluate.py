@@ -61,7 +61,7 @@ def write_mean_policy(out: Path) -> None:
 )
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
 def main(out: Path, scenes: str, workers: int) -> None:
-    """Run `sonata2d evaluate` into OUT/evaluation-SCENES, with a page and a picture."""
+    """Run `sonata2d evaluate` into OUT/evaluation-SCENES, with a page."""
     episodes, seed = SETTINGS.scenes[scenes], EVALUATION_SEEDS[scenes]
     if scenes == "few":
         write_mean_policy(out)
@@ -71,9 +71,8 @@ def main(out: Path, scenes: str, workers: int) -> None:
         "episodes": episodes,
         "seed": seed,
         "workers": workers,
-        "out": folder,
+        "output": folder,
         "page": folder.with_suffix(".html"),
-        "picture": folder.with_suffix(".png"),
     }
     arguments = [word for controller in controllers_for(scenes, out) for word in ("--controller", controller)]
     arguments += [word for scenario in scenarios for word in ("--scenario", scenario)]

@@ -220,9 +220,7 @@ KINDS: dict[str, Kind] = {
     "scenario": Kind(
         ("*",), (*[few_ticks] * 3, *commands("scenarios show F", "scenarios draw F --scenes 1 -o x.png"))
     ),
-    "map": Kind(
-        ("*",), commands("scenarios from-map F -o x.yaml", "scenarios from-map F --unit 0.05 -o x.yaml")
-    ),
+    "map": Kind(("*",), commands("scenarios from-map F --unit 0.05 -o x.yaml")),
     "csv": Kind(("*",), imports("csv", "scenarios from-tracks F -o s.yaml --frame-time 0.1")),
     "trajnet": Kind(("*",), imports("trajnet", "scenarios from-tracks F -o s.yaml")),
     "tracks": Kind(

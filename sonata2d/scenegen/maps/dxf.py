@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from .plan import MapOptions, Plan, read_map
 
 _FLATNESS = 0.01  # m, by which pieces of a curve may differ from it
 _COARSE = 1e-4  # the same, as a share of the size of the curve
+_MOST_PIECES = 20_000  # of a line; an arc of many turns has more
 _DEEPEST = 8  # blocks in blocks
 
 
@@ -48,27 +50,39 @@ class DxfDrawing:
             if not document.units:
                 raise ConfigError(f"{path} does not say its unit; give the length of its unit, m (--unit)")
             unit = float(units.conversion_factor(document.units, units.M))
-        shapes, texts = list[DrawnShape](), list[DrawnText]()
-        for entity, layers, name in _entities(document.modelspace(), frozenset(), "", 0):
-            kind = entity.dxftype()
-            if kind in ("TEXT", "MTEXT"):
-                words = entity.plain_text() if kind == "MTEXT" else entity.dxf.text
-                texts.append(
-                    DrawnText(" ".join(words.split()), (entity.dxf.insert.x * unit, entity.dxf.insert.y * unit))
-                )
-                continue
-            try:
-                found = paths.from_hatch(entity) if kind == "HATCH" else [paths.make_path(entity)]
-                lines = [
-                    list(part.flattening(max(_FLATNESS / unit, _COARSE * _side(part)))) for part in found if len(part)
-                ]
-            except (ezdxf.DXFError, *UNREADABLE):  # not a line, such as dimensions and images, or damaged
-                continue
-            for line in lines:
-                points = np.array([(point.x, point.y) for point in line]) * unit
-                if np.ptp(points, axis=0).max() > 0.0:
-                    shapes.append(DrawnShape(points, layers, name, kind in ("HATCH", "SOLID")))
+        try:
+            shapes, texts = _content(document, unit, paths)
+        except (ezdxf.DXFError, *UNREADABLE) as error:
+            raise ConfigError(f"{path.name} is damaged: {type(error).__name__}: {one_line(error, 200)}") from error
         return plan_of(path, shapes, texts, options)
+
+
+def _content(document: Any, unit: float, paths: Any) -> tuple[list[DrawnShape], list[DrawnText]]:
+    """Lines and texts of the model space of a drawing.
+
+    Args:
+        document: of ezdxf.
+        unit: of the drawing, m.
+        paths: the module `ezdxf.path`.
+    """
+    shapes, texts = list[DrawnShape](), list[DrawnText]()
+    for entity, layers, name in _entities(document.modelspace(), frozenset(), "", 0):
+        kind = entity.dxftype()
+        if kind in ("TEXT", "MTEXT"):
+            words = entity.plain_text() if kind == "MTEXT" else entity.dxf.text
+            texts.append(DrawnText(" ".join(words.split()), (entity.dxf.insert.x * unit, entity.dxf.insert.y * unit)))
+            continue
+        try:
+            found = paths.from_hatch(entity) if kind == "HATCH" else [paths.make_path(entity)]
+            parts = [part for part in found if 0 < len(part) < _MOST_PIECES and math.isfinite(_side(part))]
+            lines = [list(part.flattening(max(_FLATNESS / unit, _COARSE * _side(part)))) for part in parts]
+        except UNREADABLE:  # not a line, such as dimensions and images, or damaged
+            continue
+        for line in lines:
+            points = np.array([(point.x, point.y) for point in line]) * unit
+            if np.ptp(points, axis=0).max() > 0.0:
+                shapes.append(DrawnShape(points, layers, name, kind in ("HATCH", "SOLID")))
+    return shapes, texts
 
 
 def _side(path: Any) -> float:
