@@ -1,4 +1,4 @@
-"""The commands `sonata2d scenarios list|show|draw|from-tracks|from-map|check`."""
+"""The commands `sonata2d scenarios list|show|draw|from-tracks|from-map|check|difficulty`."""
 
 from __future__ import annotations
 
@@ -247,3 +247,54 @@ def check_scenario(
         )
         click.echo(f"{situation} took place in {took_place} of {episodes} episodes of {config.name}")
     context.exit(0 if took_place == episodes else 1)
+
+
+@command.command(
+    "difficulty",
+    epilog=examples(
+        "scenarios difficulty lively",
+        "scenarios difficulty mine.yaml --scenes 100 --certify --json",
+    ),
+)
+@click.argument("scenario", metavar="NAME|FILE")
+@click.option("--scenes", type=click.IntRange(1), default=20, help="Number of scenes.")
+@click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the scenes.")
+@click.option("--certify", "certifies", is_flag=True, help="Also run the expert, to see whether a scene can be solved.")
+@json_option
+def show_difficulty(scenario: str, scenes: int, seed: int, certifies: bool) -> None:
+    """Show how difficult the scenes of a scenario are.
+
+    The difficulty is the time, s, in which the expert is expected to reach the goal. It is computed from the shortest
+    path, its narrowest passage and turns, and the people who are expected near it.
+    """
+    from dataclasses import asdict
+
+    from sonata2d.metrics import certify, difficulty
+    from sonata2d.scenegen.generator import generate
+    from sonata2d.scenegen.scenario.load import load_scenario
+
+    config, rows = load_scenario(scenario), []
+    with progress(scenes, "scenes") as advance:
+        for k in range(scenes):
+            scene = generate(config, seed, k)
+            row: dict[str, Any] = {"episode": k, **asdict(difficulty(scene))}
+            rows.append(row | (asdict(certify(scene)) if certifies else {}))
+            advance(1)
+    if wants_json():
+        show_json({"scenario": config.name, "seed": seed, "scenes": rows})
+        return
+    columns = [("value", "s"), ("straightness", ""), ("passage", "m"), ("density", "1/m²"), ("encounters", "")]
+    columns += [("standing", ""), *([("solvable", ""), ("time", "s")] if certifies else [])]
+    click.echo("  ".join(["scene", *(f"{name}, {unit}" if unit else name for name, unit in columns)]))
+    for row in rows:
+        cells = (
+            f"{row[name]:.2f}" if isinstance(row[name], float) else str("-" if row[name] is None else row[name])
+            for name, _ in columns
+        )
+        widths = (len(f"{name}, {unit}" if unit else name) for name, unit in columns)
+        click.echo(
+            "  ".join([f"{row['episode']:5d}", *(cell.rjust(width) for cell, width in zip(cells, widths, strict=True))])
+        )
+    values = sorted(row["value"] for row in rows)
+    middle = values[len(values) // 2]
+    echo(f"{config.name}: difficulty {values[0]:.1f} to {values[-1]:.1f} s, median {middle:.1f} s")

@@ -326,6 +326,8 @@ MADE = {
     "sonata2d.datasets.DaskExecutor",
     "sonata2d.record.Motion",
     "sonata2d.learning.graph.Graph",
+    "sonata2d.metrics.Certificate",
+    "sonata2d.metrics.Difficulty",
     "sonata2d.metrics.Interval",
     "sonata2d.metrics.Measured",
     "sonata2d.metrics.Summary",

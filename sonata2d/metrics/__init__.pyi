@@ -6,6 +6,12 @@ from .catalogue import (
 )
 from .comparison import Comparison as Comparison
 from .definition import DEFINITIONS_VERSION as DEFINITIONS_VERSION, NEEDS as NEEDS, Metric as Metric, metric as metric
+from .scene_difficulty import (
+    Certificate as Certificate,
+    Difficulty as Difficulty,
+    certify as certify,
+    difficulty as difficulty,
+)
 from .disturbance import without_robot as without_robot
 from .evaluating import evaluate as evaluate
 from .evaluation import Evaluation as Evaluation, Measured as Measured
