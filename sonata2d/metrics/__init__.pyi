@@ -6,12 +6,6 @@ from .catalogue import (
 )
 from .comparison import Comparison as Comparison
 from .definition import DEFINITIONS_VERSION as DEFINITIONS_VERSION, NEEDS as NEEDS, Metric as Metric, metric as metric
-from .scene_difficulty import (
-    Certificate as Certificate,
-    Difficulty as Difficulty,
-    certify as certify,
-    difficulty as difficulty,
-)
 from .disturbance import without_robot as without_robot
 from .evaluating import evaluate as evaluate
 from .evaluation import Evaluation as Evaluation, Measured as Measured
@@ -22,6 +16,12 @@ from .measurement import (
     measure_files as measure_files,
     measure_together as measure_together,
     save_metrics as save_metrics,
+)
+from .scene_difficulty import (
+    Certificate as Certificate,
+    Difficulty as Difficulty,
+    certify as certify,
+    difficulty as difficulty,
 )
 from .summary import (
     Interval as Interval,
