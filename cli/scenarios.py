@@ -171,14 +171,14 @@ def scenario_from_map(map_file: Path, output: Path, **options: Any) -> None:
     """Create a scenario from a floor plan.
 
     FILE is a map.yaml of ROS, an image with dark walls, or a drawing in SVG or DXF. A picture of the walls on the map
-    is written beside the scenario, as .png.
+    is written beside the scenario, as NAME-map.png.
     """
     from sonata2d.formats.from_tracks import save_scenario
     from sonata2d.scenegen import generate, scenario_from_map
     from sonata2d.view.map_picture import draw_on_map
     from sonata2d.view.stills import save_surface
 
-    picture = output.with_suffix(".png")
+    picture = output.with_name(f"{output.stem}-map.png")
     for path in (output, picture):
         if path.exists():
             raise click.UsageError(f"{path} already exists; give a new file name, or remove the file first")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
@@ -528,6 +528,21 @@ def disc_contact_times(offset: Array, relative_velocity: Array, radii: Array | f
     meets = (approach > 0.0) & (discriminant > 0.0)
     time = (approach - np.sqrt(np.where(meets, discriminant, 0.0))) / np.where(meets, squared_speed, 1.0)
     return np.where(excess <= 0.0, 0.0, np.where(meets, time, np.inf))
+
+
+def polygon_area(polygon: Sequence[Point]) -> float:
+    """Area of a simple polygon, m²."""
+    following = (*polygon[1:], *polygon[:1])
+    doubled: float = sum(x1 * y2 - x2 * y1 for (x1, y1), (x2, y2) in zip(polygon, following, strict=True))
+    return abs(doubled) / 2.0
+
+
+def inside_rings(points: Array, polygon: Sequence[Point], holes: Iterable[Sequence[Point]]) -> BoolArray:
+    """Whether points lie in a polygon and in none of its holes; (N, 2) to (N,) of bool."""
+    inside = inside_polygon(points, np.array(polygon, dtype=float))
+    for hole in holes:
+        inside &= ~inside_polygon(points, np.array(hole, dtype=float))
+    return inside
 
 
 def inside_polygon(points: Array, polygon: Array) -> BoolArray:

@@ -31,9 +31,9 @@ from .entities import (
     Wall,
 )
 from .floats import FloatFields
-from .geometry import Barriers, Edge, Point
+from .geometry import Barriers, Edge, Point, inside_rings, polygon_area
 from .humans import HumanTable, activity_indices, frozen
-from .portable_math import Array, IntArray
+from .portable_math import Array, BoolArray, IntArray
 from .wall_lines import straight_walls, wall_lines
 from .wording import counted
 
@@ -305,6 +305,15 @@ class Scene(FloatFields, Drawable):
         """Start and end of the edges of the room's polygon and of its holes as a read-only (K, 4) array, m."""
         rings = [np.array(ring, dtype=float) for ring in (self.polygon, *self.holes)]
         return frozen(np.concatenate([np.hstack((ring, np.roll(ring, -1, axis=0))) for ring in rings]))
+
+    def is_on_floor(self, points: Array) -> BoolArray:
+        """Whether points lie in the room, and in none of its holes; (N, 2), m, to (N,) of bool."""
+        return inside_rings(points, self.polygon, self.holes)
+
+    @cached_property
+    def floor_area(self) -> float:
+        """Area of the room without its holes, m²."""
+        return polygon_area(self.polygon) - sum(polygon_area(hole) for hole in self.holes)
 
     @cached_property
     def human_table(self) -> HumanTable:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..core.entities import Furniture
 from ..core.files.limits import MAX_GRID_CELLS
-from ..core.geometry import Barriers, Disc, inside_polygon
+from ..core.geometry import Barriers, Disc
 from ..core.portable_math import Array, BoolArray
 from ..core.scene import Scene
 from ..record.layout import JsonDict
@@ -37,7 +37,7 @@ def occupancy_grid(scene: Scene) -> JsonDict:
     width, height = (math.ceil((high[k] - origin[k]) / cell - 1e-9) + _RIM_CELLS for k in (0, 1))
     x, y = (origin[k] + (np.arange(count) + 0.5) * cell for k, count in ((0, width), (1, height)))
     centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    cells = np.where(inside_polygon(centres, scene.outline), FREE, UNKNOWN)
+    cells = np.where(scene.is_on_floor(centres), FREE, UNKNOWN)
     cells[_occupied(scene, centres, cell)] = OCCUPIED
     return {
         "width": width,

@@ -102,13 +102,11 @@ def encounter(record: EpisodeRecord) -> Encounter:
     present = np.flatnonzero(trajectory.present.any(axis=0)).tolist()
     meetings = sorted((_meeting(trajectory, k) for k in present), key=lambda meeting: meeting.clearance)
     groups = (_group_meeting(trajectory, group) for group in scene.groups)
-    x, y = scene.outline.T
-    area = abs(float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())) / 2
     return Encounter(
         tuple(meetings),
         tuple(meeting for meeting in groups if meeting is not None),
         float((clearance < SOCIAL_DISTANCE).sum(axis=1).mean()),
-        float(trajectory.present.sum(axis=1).mean()) / area,
+        float(trajectory.present.sum(axis=1).mean()) / scene.floor_area,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
@@ -12,7 +12,7 @@ import numpy as np
 from ..agents.controllers.base import Controller
 from ..agents.controllers.loading import load_controller
 from ..core.entities import Human
-from ..core.geometry import Barriers, Point
+from ..core.geometry import Barriers
 from ..core.navigation import FreeSpace
 from ..core.portable_math import Array
 from ..core.scene import Scene
@@ -27,10 +27,11 @@ _STEP = 0.1  # m, between the points of the path at which gaps are measured
 _MARGIN = 0.05  # m, gap of the robot to obstacles along its path
 _NEAR = 1.0  # m, between outlines: a person who comes so near is encountered
 _WIDE = 3.0  # m: a wider passage does not slow the robot down
+_BESIDE = 0.5  # sine of the smallest angle between the path and the direction to what is beside it
 _AROUND = 3.0  # m, from the path, within which the density is measured
 
 # Predicted time, s: fitted to the expert, `social-planner`, by benchmarks/fit_difficulty.py.
-_START, _PER_TIME, _PER_ENCOUNTER, _PER_STANDING, _PER_NARROWNESS, _PER_TURN = 0.0, 1.15, 1.93, 0.9, 1.46, 1.61
+_START, _PER_TIME, _PER_ENCOUNTER, _PER_STANDING, _PER_NARROWNESS, _PER_TURN = 0.8, 1.13, 2.04, 0.73, 0.96, 1.93
 
 _MARGIN_OF_TIME, _MARGIN_OF_GAP = 0.5, 0.1  # a wide margin: share of the time limit, and m to people and obstacles
 
@@ -102,8 +103,7 @@ def difficulty(scene: Scene) -> Difficulty:
     length = float(sizes.sum())
     points = _along(path)
     free_time = max(length - scene.goal.distance, 0.0) / speed
-    gaps = scene.barriers.gaps(points).min(axis=0)
-    passage = float(min(2.0 * gaps.min(), _WIDE))
+    passage = _narrowest(scene.barriers, points)
     angles = np.arctan2(edges[sizes > 0.0, 1], edges[sizes > 0.0, 0])
     turns = float(np.abs(np.angle(np.exp(1j * np.diff(angles)))).sum())
     positions = np.array([human.pose.position for human in around], dtype=float).reshape(-1, 2)
@@ -128,6 +128,7 @@ def certify(scene: Scene, expert: Controller | None = None) -> Certificate:
         expert: its controller; default: `social-planner`.
     """
     recorder = EpisodeRecorder()
+    scene = replace(scene, rules=replace(scene.rules, ends_on=("goal", "time")))
     outcome = Episode(scene, expert or load_controller(_EXPERT), observers=[recorder]).run()
     found = measure(recorder.record(), [human_clearance_min, obstacle_clearance_min], rerun=False)
     clearance = min((value for value in found.values() if value is not None), default=math.inf)
@@ -143,11 +144,26 @@ def _along(path: Array) -> Array:
     return np.concatenate([*parts, path[-1:]])
 
 
+def _narrowest(barriers: Barriers, points: Array) -> float:
+    """Width of the narrowest passage on a path: gaps to the left and to the right together, m; 3 if all are wider."""
+    along = np.gradient(points, axis=0)
+    along /= np.maximum(lengths(along), 1e-9)[:, None]
+    x, y = barriers.towards(points)
+    distance = np.sqrt(x * x + y * y)
+    left = along[:, 0] * y - along[:, 1] * x  # (M, N), of the nearest point of each barrier
+    gap = distance - barriers.radius[:, None]
+    is_beside = np.abs(left) > _BESIDE * distance
+    width = np.zeros(len(points))
+    for side in (left > 0.0, left < 0.0):
+        width += np.where(is_beside & side, gap, _WIDE).min(axis=0, initial=_WIDE)
+    return float(min(width.min(), _WIDE))
+
+
 def _encounters(scene: Scene, humans: list[Human], points: Array, free_time: float) -> float:
     """Expected number of walking people that come within 1 m of the robot on its path at top speed."""
     radius = scene.robot.outline.inradius
     times = np.linspace(0.0, free_time, len(points))
-    area = abs(_area(scene.polygon)) - sum(abs(_area(hole)) for hole in scene.holes)
+    area = scene.floor_area
     found = 0.0
     for human in humans:
         reach = _NEAR + radius + human.radius
@@ -167,8 +183,3 @@ def _walk(human: Human, times: Array) -> Array:
     corners = np.array([human.pose.position, *human.goals], dtype=float)
     arrival = np.concatenate(([0.0], np.cumsum(lengths(np.diff(corners, axis=0))))) / max(human.desired_speed, 1e-3)
     return np.stack([np.interp(times, arrival, corners[:, axis]) for axis in (0, 1)], axis=1)
-
-
-def _area(polygon: tuple[Point, ...]) -> float:
-    x, y = np.array(polygon, dtype=float).T
-    return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum()) / 2.0

@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from ..core.entities import Wall
-from ..core.geometry import Barriers, Point, Pose, Shape, inside_polygon, quantised
+from ..core.geometry import Barriers, Point, Pose, Shape, inside_polygon, inside_rings, quantised
 from ..core.outlines import COLUMNS, Line, OutlineRow, has_space, has_space_at, outline_row
-from ..core.portable_math import Array
+from ..core.portable_math import Array, BoolArray
 from ..core.rng import RandomStream
 from ..registry import ROOM_KINDS
 from .scenario.rooms import RoomConfig
@@ -106,6 +106,10 @@ class FloorPlan:
         rows = np.array(outlines) if outlines else _NO_OUTLINES
         lines = np.array(sight_lines, dtype=float).reshape(-1, 4) if sight_lines else _NO_LINES
         return bool(has_space(self.barriers.table, self._borders, rows, others, float(clearance), lines))
+
+    def is_on_floor(self, points: Array) -> BoolArray:
+        """Whether points lie in the room, and in none of its holes; (N, 2), m, to (N,) of bool."""
+        return inside_rings(points, self.polygon, self.holes)
 
     def sees(self, start: Point, end: Point) -> bool:
         """Return whether no wall crosses the straight line between two points, m."""

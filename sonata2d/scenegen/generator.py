@@ -13,7 +13,7 @@ import numpy as np
 
 from ..core.arguments import whole_number
 from ..core.entities import Area, Furniture, Human
-from ..core.geometry import Barriers, Pose, inside_polygon
+from ..core.geometry import Barriers, Pose
 from ..core.rng import RandomStream
 from ..core.scene import Scene, standing_throughout
 from ..errors import SceneError
@@ -127,7 +127,7 @@ def _try_layout(
     """
     config = apply_jitter(draw_starts(config, plan, fixed, rng), rng)
     people = create_placed_entities(config.people, config.person, config.rules.dt, rng)
-    check_placed_positions(people, plan.outline, (config.robot, *config.robots))
+    check_placed_positions(people, plan, (config.robot, *config.robots))
     furniture_outlines = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
     layout = Layout(plan, config, reserved_outlines(config), furniture_outlines)
     place_given(config, people, layout, fixed)
@@ -201,7 +201,7 @@ def _no_space_message(clusters: list[EntityCluster], k: int, plan: FloorPlan, at
     place = clusters[k].position
     if place is not None:
         x, y = place
-        if not inside_polygon(np.array([[x, y]]), plan.outline).all():
+        if not plan.is_on_floor(np.array([[x, y]])).all():
             return f"the place ({x:g}, {y:g}) of {_label(clusters, k)} is outside the room; change groups.places"
         return (
             f"{_label(clusters, k)} does not fit at its place ({x:g}, {y:g}) after {attempts} attempts; move it "

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..core.entities import Door, Group, Human, Interaction, Place, Queue
-from ..core.geometry import Disc, Point, Pose, Rectangle, canonical_angle, inside_polygon, quantised
+from ..core.geometry import Disc, Point, Pose, Rectangle, canonical_angle, quantised
 from ..core.navigation import FreeSpace
 from ..core.portable_math import PI, angle_of
 from ..core.relations import WALKING_TOGETHER
@@ -78,7 +78,7 @@ def plan_journeys(
                 planner.place_queue(k, queue, waiting[k])
     places = []
     for number, p in enumerate(config.places, 1):
-        if not inside_polygon(np.array([[p.x, p.y]]), plan.outline).all():
+        if not plan.is_on_floor(np.array([[p.x, p.y]])).all():
             raise SceneError(f"the place ({p.x:g}, {p.y:g}) is outside the room; move it (places)")
         position, radius = (quantised(p.x), quantised(p.y)), quantised(p.radius)
         places.append(Place(number, *position, radius, quantised(p.weight), _rounded(p.stay)))

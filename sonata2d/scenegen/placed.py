@@ -13,10 +13,10 @@ import numpy as np
 
 from ..core.entities import Furniture, Group, Human, Interaction
 from ..core.files.limits import MAX_TRACK_POINTS
-from ..core.geometry import Barriers, Disc, Point, Pose, canonical_angle, inside_polygon, quantised
+from ..core.geometry import Barriers, Disc, Point, Pose, canonical_angle, quantised
 from ..core.navigation import FreeSpace
 from ..core.outlines import COLUMNS, outline_row, shape_gap
-from ..core.portable_math import PI, Array, angle_of
+from ..core.portable_math import PI, angle_of
 from ..core.relations import TALKING, WALKING_TOGETHER
 from ..core.rng import RandomStream
 from ..core.scene import Scene
@@ -345,12 +345,12 @@ def _interpolate(track: Track, slopes: list[Point], k: int, t: float) -> Point:
 # Placement
 
 
-def check_placed_positions(placed: NumberedEntities, outline: Array, robots: Sequence[RobotConfig]) -> None:
+def check_placed_positions(placed: NumberedEntities, plan: FloorPlan, robots: Sequence[RobotConfig]) -> None:
     """Check that given positions lie in the room, and that no given robot starts on a pedestrian.
 
     Args:
         placed: the pedestrians.
-        outline: (K, 2), m, of the room.
+        plan: the room.
         robots: all robots.
 
     Raises:
@@ -359,7 +359,7 @@ def check_placed_positions(placed: NumberedEntities, outline: Array, robots: Seq
     if not placed.humans:
         return
     points = [point for human in placed.humans for point in (human.pose.position, *human.track, *human.goals)]
-    is_inside = iter(inside_polygon(np.array(points, dtype=float).reshape(-1, 2), outline).tolist())
+    is_inside = iter(plan.is_on_floor(np.array(points, dtype=float).reshape(-1, 2)).tolist())
     for human in placed.humans:
         for name, places in (("start", [human.pose.position]), ("track", human.track), ("goal", human.goals)):
             for x, y in places:

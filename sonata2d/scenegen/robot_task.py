@@ -133,6 +133,12 @@ def _drawn_task(
             break
     if chosen is not None:
         return _create_robot(config, chosen[0]), _create_goal(config, chosen[1], rng)
+    if areas := [area for area in (config.robot.area, config.goal.area) if area is not None]:
+        places = " and ".join(map(repr, areas))
+        raise SceneError(
+            f"no free start and goal for {name} in {places} after {config.max_attempts} attempts; move or enlarge "
+            "these areas, or lower goal.min_distance"
+        )
     fewer = "fewer humans and robots" if config.robots else "fewer humans"
     last = "set robot.on_ways to null" if config.robot.on_ways is not None else "make the robot smaller"
     raise SceneError(

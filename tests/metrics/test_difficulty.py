@@ -40,6 +40,7 @@ def test_a_gap_is_narrow_and_a_way_round_turns() -> None:
     around = difficulty(room(polygon=HALL, inner=[Wall((0.0, -10.0), (0.0, 4.0))], robot=START, goal=GOAL))
     assert around.straightness == pytest.approx(8.0 / (2.0 * math.hypot(4.0, 4.0)), abs=0.05)
     assert around.turns == pytest.approx(math.pi / 2, abs=0.3)
+    assert around.passage == 3.0  # there is much room on the other side
     assert around.value > found.value > difficulty(room(polygon=HALL, robot=START, goal=GOAL)).value
 
 

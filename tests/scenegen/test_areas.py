@@ -13,6 +13,7 @@ from sonata2d.core.geometry import inside_polygon
 from sonata2d.core.scene import Scene
 from sonata2d.datasets.transforms.mirror import mirror_file
 from sonata2d.errors import ConfigError, SceneError
+from sonata2d.formats.occupancy import occupancy_grid
 from sonata2d.record.reader import read_episode
 from sonata2d.record.recorder import EpisodeRecorder, JsonRecorder
 
@@ -94,7 +95,20 @@ def test_scenes_without_areas_and_holes_have_no_keys_for_them() -> None:
         ({"robot": {"in": "hall", "pose": (1, 1, 0)}}, "robot.in: the position is given: omit in"),
         ({"areas": [AREAS[0], AREAS[0]]}, "areas.1.name: the name 'kitchen' is given to more than one area"),
         ({"areas": [{"name": "x", "polygon": [(0, 0), (2, 2), (2, 0), (0, 2)]}]}, "edges of the polygon cross"),
+        (
+            {"people": [{"in": "hall", "jitter": (1, 1, 0)}]},
+            "people.0.jitter: a start that is drawn in an area has no jitter",
+        ),
+        ({"robot": {"area": "hall"}}, "robot.area: unknown key 'area'"),
         ({"room": ROOM | {"holes": [BLOCK[:2]]}}, "room.holes.0"),
+        (
+            {"room": ROOM | {"holes": [BLOCK, BLOCK]}},
+            "room.holes.1: the hole crosses or touches the outline or another",
+        ),
+        ({"room": ROOM | {"holes": [[(13, 1), (15, 1), (15, 2)]]}}, "room.holes.0: the hole crosses or touches"),
+        ({"room": ROOM | {"holes": [[(20, 1), (22, 1), (22, 2)]]}}, "room.holes.0: the hole is outside the room"),
+        ({"room": ROOM | {"holes": [BLOCK, [(6, 3), (7, 3), (7, 4)]]}}, "room.holes.1: a hole lies in another one"),
+        ({"room": {"holes": [BLOCK]}}, r"room.holes: holes need a given room \(polygon\)"),
     ],
 )
 def test_invalid_areas_are_refused(settings: dict[str, Any], message: str) -> None:
@@ -105,6 +119,25 @@ def test_invalid_areas_are_refused(settings: dict[str, Any], message: str) -> No
 def test_an_area_without_a_free_place_is_an_error() -> None:
     with pytest.raises(SceneError, match="no free place for a person in the area 'pillar' after 200 attempts; enlarge"):
         s2.generate(config(areas=[{"name": "pillar", "polygon": BLOCK}], people=[{"in": "pillar"}]))
+
+
+def test_what_is_given_must_be_on_the_floor() -> None:
+    for settings in ({"places": [{"x": 7, "y": 4}]}, {"people": [{"track": [(0, 4, 4), (5, 10, 4)]}]}):
+        with pytest.raises(SceneError, match="is outside the room"):
+            s2.generate(config(**settings))
+    attic = {"name": "attic", "polygon": [(20, 0), (22, 0), (22, 2)]}
+    outside = config(areas=[*AREAS, attic], robot={"in": "kitchen"}, goal={"in": "attic"})
+    with pytest.raises(SceneError, match="no free start and goal for the robot in 'kitchen' and 'attic'"):
+        s2.generate(outside)
+
+
+def test_holes_are_no_floor_of_grids_and_densities() -> None:
+    scene = s2.generate(config(standing=2, wandering=0), 1)
+    assert scene.floor_area == 14 * 8 - 16
+    assert scene.is_on_floor(np.array([(1.0, 1.0), (7.0, 4.0), (15.0, 1.0)])).tolist() == [True, False, False]
+    grid = occupancy_grid(scene)
+    column, row = (round((place - grid[key]) / grid["cell_size"]) for place, key in ((7.0, "x_orig"), (4.0, "y_orig")))
+    assert grid["data"][row][column] == grid["data"][0][0]  # unknown, as outside
 
 
 def test_files_and_mirror_images_hold_areas_and_holes(tmp_path: Path) -> None:

@@ -182,6 +182,46 @@ def test_a_scanned_plan_has_no_walls_of_thin_lines_and_nothing_outside(tmp_path:
         scenario_from_map(tmp_path / "scan.png")
 
 
+def test_more_walls_than_allowed_are_an_error(tmp_path: Path) -> None:
+    floor = grid((5, 5, 235, 315), size=(240, 320))
+    for row in range(20, 220, 50):
+        for column in range(20, 300, 50):
+            floor[row : row + 3, column : column + 30] = False
+            floor[row : row + 30, column : column + 3] = False  # an L is no furniture
+    path = write_ros(tmp_path, floor)
+    assert scenario_from_map(path).facts["walls"] == 4 + 24 * 6
+    with pytest.raises(
+        ConfigError, match=r"the map has \d+ walls even if they are straightened by 0.2.* \(--most-walls"
+    ):
+        scenario_from_map(path, most_walls=40)
+
+
+def test_a_room_that_is_open_to_the_border_is_said(tmp_path: Path) -> None:
+    page = np.full((160, 200), 255, dtype=np.uint8)
+    page[20:140, 20:180] = 0
+    page[24:136, 24:100] = page[24:136, 104:176] = 255
+    page[60:80, 10:24] = 255  # a gap in the outer wall of the larger room
+    Image.fromarray(page).save(tmp_path / "gap.png")
+    found = scenario_from_map(tmp_path / "gap.png", unit=CELL)
+    assert found.facts["floor"] == pytest.approx(72 * 112 * CELL * CELL, rel=0.01)
+    assert "reach the border of the image are taken for the outside; close gaps in outer walls" in found.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"walls": "walls"}, "walls is a list of names, got the text 'walls'"),
+        ({"threshold": 3}, "threshold must be within 0 and 1, got 3"),
+        ({"unit": -1}, "unit must be above 0 and below 10000 m, got -1"),
+        ({"thin": -1.0}, "thin must be 0 or more, got -1"),
+        ({"most_walls": 3}, "most_walls must be 10 or more, got 3"),
+    ],
+)
+def test_options_are_checked(tmp_path: Path, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        scenario_from_map(write_ros(tmp_path, grid(*TWO_ROOMS)), **options)
+
+
 FLAT = """<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape">
 <g transform="translate(100 50)">
   <g inkscape:label="Walls" fill="#222222">
@@ -244,6 +284,78 @@ def test_layers_that_are_missing_are_named(tmp_path: Path) -> None:
         scenario_from_map(path)
 
 
+def drawing(*parts: str, head: str = "") -> str:
+    """An SVG drawing of a room of 10 m by 8 m with a wall in the middle, in metres, and further parts."""
+    walls = '<path fill-rule="evenodd" d="M0 0 H10 V8 H0 Z M.2 .2 H9.8 V7.8 H.2 Z"/><path d="M4.9 .2 H5.1 V3 H4.9 Z"/>'
+    walls += '<path d="M4.9 4 H5.1 V7.8 H4.9 Z"/>'
+    return f'<svg xmlns="http://www.w3.org/2000/svg">{head}<g id="walls">{walls}</g>{"".join(parts)}</svg>'
+
+
+LEAF_AND_SWING = '<g id="doors" fill="none" stroke="red"><path d="M5 3 H6"/><path d="M6 3 A1 1 0 0 1 5 4"/></g>'
+
+
+@pytest.mark.parametrize(
+    ("content", "rooms", "furniture"),
+    [
+        (drawing(LEAF_AND_SWING, "<text x='2' y='4'>bath</text><text x='8' y='4'>hall</text>"), ["bath", "hall"], []),
+        (drawing(LEAF_AND_SWING, *(f"<text x='{x}' y='2'>office</text>" for x in (2, 8))), ["office", "office 2"], []),
+        (
+            drawing(
+                LEAF_AND_SWING, "<text x='2' y='4'>sleep</text><text x='2' y='2'>2.50 m</text>",
+                "<g id='rooms'><rect x='.2' y='.2' width='4.7' height='7.6'/></g>",
+            ),
+            ["sleep"], [],
+        ),
+        (
+            drawing(
+                LEAF_AND_SWING,
+                "<g id='furniture'><title>Furniture</title><rect id='sofa' x='1' y='1' width='2' height='1'/>"
+                "<rect class='hidden' id='desk' x='7' y='1' width='1' height='1'/></g>",
+                head="<title>My flat</title><style>.hidden{visibility:hidden}</style>",
+            ),
+            ["room-1", "room-2"], ["sofa"],
+        ),
+        (
+            drawing(LEAF_AND_SWING, "<g id='furniture' fill='none'><path d=''/><rect id='table' class='t' "
+                    "x='1' y='1' width='2' height='1'/></g>", head="<style>.t{fill:rgb(1,2,3)}</style>"),
+            ["room-1", "room-2"], ["table"],
+        ),
+    ],
+)  # fmt: skip
+def test_parts_of_drawings(tmp_path: Path, content: str, rooms: list[str], furniture: list[str]) -> None:
+    (tmp_path / "a.svg").write_text(content)
+    found = scenario_from_map(tmp_path / "a.svg", unit=1.0)
+    assert found.facts["floor"] == pytest.approx(2 * 4.7 * 7.6 + 0.2, abs=0.1)
+    assert [area.name for area in found.config.areas] == rooms
+    assert [piece.type for piece in found.config.furniture] == furniture
+    assert found.config.doors == ()
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        ("<svg viewBox='0 0 1 1'/>", "has another <svg> in it; ungroup it"),
+        ("<rect x='10%' width='1' height='1'/>", "the length '10%' of the drawing is not in user units"),
+        (
+            "<g transform='matrix(1 2)'><rect width='1' height='1'/></g>",
+            r"the transform 'matrix\(1 2\)' of the drawing",
+        ),
+        ("<g>" * 2000 + "</g>" * 2000, "a.svg: groups are nested too deeply"),
+    ],
+)
+def test_parts_that_cannot_be_read_are_refused(tmp_path: Path, part: str, message: str) -> None:
+    (tmp_path / "a.svg").write_text(drawing(part))
+    with pytest.raises(ConfigError, match=message):
+        scenario_from_map(tmp_path / "a.svg", unit=1.0)
+
+
+def test_clones_are_noted(tmp_path: Path) -> None:
+    (tmp_path / "a.svg").write_text(drawing("<use href='#walls' x='20'/>"))
+    assert scenario_from_map(tmp_path / "a.svg", unit=1.0).notes == [
+        "1 clones (<use>) are left out; unlink them in the drawing"
+    ]
+
+
 def write_dxf(path: Path, *, units: int = 4) -> Path:
     """An office of two rooms and a lobby, drawn in millimetres with single lines for walls."""
     ezdxf = pytest.importorskip("ezdxf")
@@ -284,6 +396,32 @@ def test_a_drawing_in_dxf_has_rooms_doors_and_furniture(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"does not say its unit; give the length of its unit, m \(--unit\)"):
         scenario_from_map(write_dxf(tmp_path / "unitless.dxf", units=0))
     assert scenario_from_map(tmp_path / "unitless.dxf", unit=0.001).config.room == found.config.room
+
+
+def test_entities_of_dxf(tmp_path: Path) -> None:
+    ezdxf = pytest.importorskip("ezdxf")
+    document = ezdxf.new(units=6)
+    space = document.modelspace()
+    hatch = space.add_hatch(dxfattribs={"layer": "WALL"})
+    for size, flags in ((0.0, 1), (0.2, 16)):
+        corners = [(size, size), (10 - size, size), (10 - size, 8 - size), (size, 8 - size)]
+        hatch.paths.add_polyline_path(corners, is_closed=True, flags=flags)
+    space.add_lwpolyline([(5, 0), (5, 8)], dxfattribs={"layer": "OLD", "const_width": 0.4})
+    document.layers.add("OLD").freeze()
+    space.add_lwpolyline([(3, 0.2), (3, 2)], dxfattribs={"layer": "0", "color": 1, "const_width": 0.4})
+    chair = document.blocks.new("CHAIR")
+    chair.add_circle((0, 0), 0.25)
+    rows = {"layer": "FURN", "row_count": 2, "column_count": 3, "row_spacing": 1.0, "column_spacing": 1.0}
+    space.add_blockref("CHAIR", (6, 4), dxfattribs=rows)
+    text = space.add_text("hall %%c", dxfattribs={"layer": "TEXT", "height": 0.2})
+    text.set_placement((6, 6), align=ezdxf.enums.TextEntityAlignment.MIDDLE_CENTER)
+    document.saveas(tmp_path / "a.dxf")
+    found = scenario_from_map(tmp_path / "a.dxf")
+    assert found.facts["floor"] == pytest.approx(9.6 * 7.6, abs=0.05)
+    assert [piece.type for piece in found.config.furniture] == ["chair"] * 6
+    assert found.config.areas[0].name.startswith("hall")
+    with_red = scenario_from_map(tmp_path / "a.dxf", walls=["wall", "#ff0000"])
+    assert with_red.facts["floor"] == pytest.approx(9.6 * 7.6 - 0.4 * 2.0, abs=0.05)
 
 
 def test_people_and_robot_start_on_the_floor_and_reach_their_goals(tmp_path: Path) -> None:
@@ -341,7 +479,7 @@ def test_the_command_writes_the_scenario_and_a_picture(tmp_path: Path) -> None:
     assert done.exception is None
     assert "floor of 23.4 m², 12 walls, 2 rooms, 0 furniture, 0 entrances" in done.output
     assert s2.load_scenario(out) == scenario_from_map(path).config
-    with Image.open(out.with_suffix(".png")) as picture:
+    with Image.open(tmp_path / "two-map.png") as picture:
         assert max(picture.size) == 1600
         red = np.asarray(picture)[..., :3] == (214, 39, 40)
     assert red.all(axis=-1).sum() > 1000

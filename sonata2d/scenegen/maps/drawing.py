@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
@@ -37,8 +38,9 @@ _FACE = 0.03  # m, by which a door drawn on the face of a wall reaches into the 
 _SLIT = 0.02  # m, half the width of a gap between a door and a wall that counts as closed
 _LARGEST_OBJECT = 1.0  # m, longest side of a closed outline of walls that counts as an object, such as a pillar
 _PICTURE_SIDE = 1600  # pixels of the longer side
-_TYPES = {  # parts of names of furniture, and the types that they mean
-    "desk": "table", "table": "table", "chair": "chair", "stool": "chair", "seat": "chair", "plant": "plant",
+_LONGEST_NAME = 60
+_TYPES = {  # parts of names of furniture, and the types that they mean; the first one that fits counts
+    "chair": "chair", "stool": "chair", "seat": "chair", "desk": "table", "table": "table", "plant": "plant",
     "laptop": "laptop", "tv": "tv", "television": "tv", "shelf": "shelf", "cupboard": "shelf", "wardrobe": "shelf",
     "bookcase": "shelf", "cabinet": "shelf",
 }  # fmt: skip
@@ -53,12 +55,16 @@ class DrawnShape:
         layers: names of its layer and groups, and its colours as #rrggbb.
         name: of its element or block, for furniture and rooms; may be empty.
         is_filled: whether the outline is an area rather than a line.
+        others: further outlines of the same area, (K, 2) each, m: what lies in an even number of outlines is a hole.
+        width: of a line, m; 0: `MapOptions.wall_width`.
     """
 
     points: Array
     layers: frozenset[str]
     name: str = ""
     is_filled: bool = False
+    others: tuple[Array, ...] = ()
+    width: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -79,6 +85,7 @@ def plan_of(path: Path, shapes: Sequence[DrawnShape], texts: Sequence[DrawnText]
         ConfigError: the drawing has no walls by the names in the options, or they enclose no floor.
     """
     notes: list[str] = []
+    texts = [text for text in texts if re.search(r"[^\W\d_]{2}", text.text)]  # others are dimensions
     shapes = [shape for shape in shapes if np.isfinite(shape.points).all()]
     _check_size(path, shapes)
     walls = [
@@ -94,7 +101,8 @@ def plan_of(path: Path, shapes: Sequence[DrawnShape], texts: Sequence[DrawnText]
             f"{listed or 'no names'}; give the one with walls (--walls NAME)"
         )
     solid = shapely().union_all(walls)
-    doors = [hull for shape in _grouped(shapes, options.doors) if (hull := _hull(shape)) is not None]
+    drawn = [shapely().LineString(s.points).buffer(_TOLERANCE) for s in shapes if _matches(s, options.doors)]
+    doors = [door.convex_hull for door in polygons_of(shapely().union_all(drawn))]  # leaf and swing touch
     thresholds = [part for hull in doors if (part := _threshold(hull, solid)) is not None]
     closing = shapely().union_all([solid, *thresholds])
     frame = shapely().box(*closing.bounds).buffer(1.0)
@@ -103,11 +111,13 @@ def plan_of(path: Path, shapes: Sequence[DrawnShape], texts: Sequence[DrawnText]
         for part in polygons_of(frame.difference(closing.buffer(_SLIT, join_style="mitre")))
         if part.area > _SMALLEST_ROOM and not part.intersects(frame.exterior)
     ]
+    outside = [part for part in polygons_of(frame.difference(closing)) if part.intersects(frame.exterior)]
     floors, entrances = _connected(enclosed, thresholds)
+    entrances = [door for door in entrances if any(part.distance(door) < _SLIT for part in outside)]
     wide = [part for floor in floors for part in opened(floor, options.narrowest)]
     floor = without_specks(chosen_floor(wide, options.robot_at, notes), options.smallest, notes)
-    floor = straightened(floor, options.tolerance or _TOLERANCE, options.most_walls, notes)
     floor, pillars = with_objects(floor, _LARGEST_OBJECT)
+    floor = straightened(floor, options.tolerance or _TOLERANCE, options.most_walls, notes)
     furniture = [
         Piece(_type_of(s), hull) for s in _grouped(shapes, options.furniture) if (hull := _hull(s)) is not None
     ]
@@ -145,11 +155,14 @@ def _matches(shape: DrawnShape, patterns: Iterable[str]) -> bool:
 
 def _solid(shape: DrawnShape, width: float) -> Any:
     """A wall: a filled outline, or a line of a given width, m."""
-    line = shapely().LineString(shape.points)
     if shape.is_filled and len(shape.points) > 3:
-        outline = shapely().Polygon(shape.points)
-        return outline if outline.is_valid else outline.buffer(0.0)
-    return line.buffer(width / 2.0, cap_style="square", join_style="mitre")
+        area = shapely().Polygon()
+        for ring in (shape.points, *shape.others):
+            if len(ring) > 3:
+                area = area.symmetric_difference(shapely().Polygon(ring).buffer(0.0))
+        return area
+    line = shapely().LineString(shape.points)
+    return line.buffer((shape.width or width) / 2.0, cap_style="square", join_style="mitre")
 
 
 def _grouped(shapes: Sequence[DrawnShape], patterns: Iterable[str]) -> list[DrawnShape]:
@@ -197,7 +210,8 @@ def _connected(rooms: Sequence[Any], thresholds: Sequence[Any]) -> tuple[list[An
     for threshold in thresholds:
         reach = threshold.buffer(0.05)
         touched = sum(reach.intersection(room).area > 1e-4 for room in rooms)
-        (inner if touched > 1 else entrances).append(threshold)
+        if touched:
+            (inner if touched > 1 else entrances).append(threshold)
     parts = [part.buffer(_JOINED, join_style="mitre") for part in (*rooms, *inner)]
     joined = shapely().union_all(parts).buffer(-_JOINED, join_style="mitre")
     return [floor for floor in polygons_of(joined) if floor.area > 1.0], entrances
@@ -211,7 +225,8 @@ def _named(
     for shape in shapes:
         if _matches(shape, options.rooms) and len(shape.points) > 3:
             outline = shapely().Polygon(shape.points).buffer(0.0)
-            _add(found, shape.name.split("#")[0] or "room", outline, floor)
+            words = [text.text for text in texts if outline.contains(shapely().Point(*text.position))]
+            _add(found, shape.name.split("#")[0] or " ".join(words) or "room", outline, floor)
     if found:
         return found
     for room in rooms:
@@ -226,8 +241,10 @@ def _add(found: dict[str, Any], name: str, outline: Any, floor: Any) -> None:
     parts = polygons_of(outline.intersection(floor))
     if parts and parts[0].area > _SMALLEST_ROOM:
         part = shapely().Polygon(parts[0].simplify(_TOLERANCE).exterior)
-        count = sum(known == name or known.startswith(f"{name} ") for known in found)
-        found[f"{name} {count + 1}" if count else name] = part
+        name, number = name[:_LONGEST_NAME].strip(), 1
+        while (own := name if number == 1 else f"{name} {number}") in found:
+            number += 1
+        found[own] = part
 
 
 def _type_of(shape: DrawnShape) -> str:

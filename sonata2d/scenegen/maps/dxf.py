@@ -47,9 +47,12 @@ class DxfDrawing:
             raise ConfigError(f"{path.name} is not a DXF drawing: {one_line(error, 200) or 'it is cut off'}") from error
         unit = options.unit
         if unit is None:
-            if not document.units:
+            try:
+                unit = float(units.conversion_factor(document.units, units.M)) if document.units else None
+            except UNREADABLE:
+                unit = None
+            if unit is None:
                 raise ConfigError(f"{path} does not say its unit; give the length of its unit, m (--unit)")
-            unit = float(units.conversion_factor(document.units, units.M))
         try:
             shapes, texts = _content(document, unit, paths)
         except (ezdxf.DXFError, *UNREADABLE) as error:
@@ -66,23 +69,44 @@ def _content(document: Any, unit: float, paths: Any) -> tuple[list[DrawnShape], 
         paths: the module `ezdxf.path`.
     """
     shapes, texts = list[DrawnShape](), list[DrawnText]()
+    hidden = {layer.dxf.name.lower() for layer in document.layers if layer.is_frozen() or layer.is_off()}
     for entity, layers, name in _entities(document.modelspace(), frozenset(), "", 0):
         kind = entity.dxftype()
-        if kind in ("TEXT", "MTEXT"):
-            words = entity.plain_text() if kind == "MTEXT" else entity.dxf.text
-            texts.append(DrawnText(" ".join(words.split()), (entity.dxf.insert.x * unit, entity.dxf.insert.y * unit)))
+        if any(layer.lower() in hidden for layer in layers):
             continue
+        if kind in ("TEXT", "MTEXT", "ATTRIB"):
+            place = entity.dxf.insert if kind == "MTEXT" else entity.ocs().to_wcs(entity.get_placement()[1])
+            texts.append(DrawnText(" ".join(entity.plain_text().split()), (place.x * unit, place.y * unit)))
+            continue
+        layers = layers | {_colour(entity, document)}
         try:
             found = paths.from_hatch(entity) if kind == "HATCH" else [paths.make_path(entity)]
             parts = [part for part in found if 0 < len(part) < _MOST_PIECES and math.isfinite(_side(part))]
             lines = [list(part.flattening(max(_FLATNESS / unit, _COARSE * _side(part)))) for part in parts]
         except UNREADABLE:  # not a line, such as dimensions and images, or damaged
             continue
-        for line in lines:
-            points = np.array([(point.x, point.y) for point in line]) * unit
-            if np.ptp(points, axis=0).max() > 0.0:
-                shapes.append(DrawnShape(points, layers, name, kind in ("HATCH", "SOLID")))
+        outlines = [np.array([(point.x, point.y) for point in line]) * unit for line in lines]
+        outlines = [points for points in outlines if np.ptp(points, axis=0).max() > 0.0]
+        if outlines and kind in ("HATCH", "SOLID"):
+            shapes.append(DrawnShape(outlines[0], layers, name, True, tuple(outlines[1:])))
+        else:
+            width = unit * float(entity.dxf.get("const_width", 0.0)) if kind == "LWPOLYLINE" else 0.0
+            shapes += [DrawnShape(points, layers, name, width=width) for points in outlines]
     return shapes, texts
+
+
+def _colour(entity: Any, document: Any) -> str:
+    """The colour of an entity or of its layer as #rrggbb; empty: it has none."""
+    colours = optional("ezdxf.colors", ConfigError)
+    layer = document.layers.get(entity.dxf.layer) if document.layers.has_entry(entity.dxf.layer) else None
+    number = entity.dxf.get("color", 256)
+    if entity.rgb is not None:
+        return f"#{colours.rgb2int(entity.rgb):06x}"
+    if number == 256 and layer is not None:
+        if layer.rgb is not None:
+            return f"#{colours.rgb2int(layer.rgb):06x}"
+        number = abs(layer.dxf.color)
+    return f"#{colours.rgb2int(colours.aci2rgb(number)):06x}" if 1 <= number <= 255 else ""
 
 
 def _side(path: Any) -> float:
@@ -99,7 +123,11 @@ def _entities(
         own = layers | {str(entity.dxf.get("layer", "0"))}
         if entity.dxftype() == "INSERT":
             if depth < _DEEPEST:
-                block = name or f"{entity.dxf.name}#{number}"
-                yield from _entities(entity.virtual_entities(), own, block, depth + 1)
+                for k, single in enumerate(entity.multi_insert() if entity.mcount > 1 else [entity]):
+                    block = name or f"{entity.dxf.name}#{number}.{k}"
+                    yield from _entities(single.virtual_entities(), own, block, depth + 1)
+                yield from ((attribute, own, name) for attribute in entity.attribs)
+        elif entity.dxftype() == "MLINE":
+            yield from ((part, own, name) for part in entity.virtual_entities())
         else:
             yield entity, own, name

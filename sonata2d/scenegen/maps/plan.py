@@ -24,6 +24,7 @@ _MOST_CORNERS = 12  # of the outline of a piece of furniture
 _DOOR = 1.05  # m, between rooms; wider openings and corridors connect parts of one room
 _LARGE = 2.5  # m, longest side of an obstacle that may separate rooms
 _MOST_BYTES = 100_000_000
+_LARGEST_TOLERANCE = 0.25  # m
 _TOUCHING, _CLEARANCE = 1e-3, 3e-3  # m
 _SMALLEST_MIDDLE = 0.5  # m², of a room without a margin of half the width of a door
 
@@ -117,6 +118,27 @@ class MapOptions(FloatFields):
     doors: Sequence[str] = ("*door*",)
     furniture: Sequence[str] = ("*furn*",)
     rooms: Sequence[str] = ("*room*",)
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            ConfigError: a length is not above 0, a threshold not within 0..1, or a list of names is a text.
+        """
+        super().__post_init__()
+        for name in ("unit", "smallest", "narrowest", "tolerance", "wall_width"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < 1e4:
+                raise ConfigError(f"{name} must be above 0 and below 10000 m, got {value:g}")
+        if self.thin is not None and not 0.0 <= self.thin < 1e4:
+            raise ConfigError(f"thin must be 0 or more, got {self.thin:g}")
+        if not 0.0 <= self.threshold <= 1.0:
+            raise ConfigError(f"threshold must be within 0 and 1, got {self.threshold:g}")
+        if self.most_walls < 10:
+            raise ConfigError(f"most_walls must be 10 or more, got {self.most_walls}")
+        for name in ("walls", "doors", "furniture", "rooms"):
+            if isinstance(getattr(self, name), str):
+                raise ConfigError(f"{name} is a list of names, got the text {getattr(self, name)!r}")
 
 
 def read_map(path: Path) -> bytes:
@@ -213,6 +235,11 @@ def straightened(floor: Any, tolerance: float, most_walls: int, notes: list[str]
         if count <= most_walls:
             break
         used *= 1.25
+        if used > max(_LARGEST_TOLERANCE, tolerance):
+            raise ConfigError(
+                f"the map has {count} walls even if they are straightened by {used / 1.25:.2g} m; leave out small "
+                "obstacles (--smallest), or allow more (--most-walls)"
+            )
     if used > tolerance:
         notes.append(f"walls are straightened by up to {used:.3g} m, not {tolerance:.3g}, to have at most {most_walls}")
     return result

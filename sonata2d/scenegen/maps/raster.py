@@ -157,15 +157,19 @@ def _traced(is_floor: BoolArray, picture: Picture, options: MapOptions, *, thin:
     tolerance = options.tolerance or unit / 2.0
     border = frame.exterior.buffer(0.75 * unit)
     inside = [floor for floor in floors if not (has_outside and floor.intersects(border))]
-    if not inside and floors:
-        notes.append("all floor reaches the border of the image, so that it is not taken for the outside")
+    outside = sum(floor.area for floor in floors) - sum(floor.area for floor in inside)
+    if inside and outside > 1.0:
+        notes.append(
+            f"{outside:.0f} m² that reach the border of the image are taken for the outside; close gaps in outer walls "
+            "if a room is missing"
+        )
     c, s = math.cos(picture.theta), math.sin(picture.theta)
     matrix = [c, -s, s, c, *picture.origin]
     placed = [shapely().affinity.affine_transform(floor, matrix) for floor in inside or floors]
     wide = [part for floor in placed if floor.area > 1.0 for part in opened(floor, options.narrowest)]
     floor = without_specks(chosen_floor(wide, options.robot_at, notes), options.smallest, notes)
-    floor = straightened(floor, tolerance, options.most_walls, notes)
     floor, pieces = with_objects(floor, _LARGEST_OBJECT)
+    floor = straightened(floor, tolerance, options.most_walls, notes)
     return Plan(floor, pieces, rooms_of(floor), [], picture, notes)
 
 

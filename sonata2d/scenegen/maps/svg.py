@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterator
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -19,6 +21,7 @@ from .plan import MapOptions, Plan, read_map
 
 _NOT_DRAWN = {"defs", "symbol", "clipPath", "mask", "marker", "pattern", "metadata", "title", "desc", "style"}
 _PIECES = 16  # into which a curve is divided
+_INHERITED = ("fill", "fill-opacity", "stroke", "visibility")
 _LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 _GIVEN_BY_PROGRAMS = {"rect", "path", "circle", "ellipse", "polygon", "polyline", "line", "g", "use"}
 _NAMED_COLOURS = {"black": "#000000", "red": "#ff0000", "green": "#008000", "blue": "#0000ff", "white": "#ffffff"}
@@ -45,49 +48,94 @@ class SvgDrawing:
             raise ConfigError(f"{path.name} is not an SVG drawing: {one_line(error, 200)}") from error
         shapes, texts = list[DrawnShape](), list[DrawnText]()
         flip = np.diag([options.unit, -options.unit, 1.0])  # y of SVG points down
-        for number, (element, matrix, layers, style) in enumerate(_elements(root, np.eye(3), frozenset(), {})):
-            tag, name = _tag(element), style.get("title") or _name(element)
-            if tag == "text":
-                words = " ".join("".join(element.itertext()).split())
-                first = next((e for e in element.iter() if e.get("x") is not None), element)
-                at = flip @ matrix @ [_number(first.get("x")), _number(first.get("y")), 1.0]
-                if words:
+        patterns = (*options.walls, *options.doors, *options.furniture, *options.rooms)
+        classes = _classes(root)
+        try:
+            for number, (element, matrix, layers, style) in enumerate(
+                _elements(root, np.eye(3), frozenset(), {}, classes)
+            ):
+                matrix, tag = flip @ matrix, _tag(element)
+                if tag == "text":
+                    words = " ".join("".join(element.itertext()).split())
+                    first = next((e for e in element.iter() if e.get("x") is not None), element)
+                    at = matrix @ [_number(first.get("x")), _number(first.get("y")), 1.0]
                     texts.append(DrawnText(words, (float(at[0]), float(at[1]))))
-                continue
-            for points in _lines(element, tag):
-                placed = (flip @ matrix @ np.column_stack((points, np.ones(len(points)))).T)[:2].T
-                is_filled = style.get("fill", "black") != "none"
-                shapes.append(DrawnShape(placed, layers, f"{name}#{number}" if name else "", is_filled))
-        return plan_of(path, shapes, texts, options)
+                    continue
+                title = style.get("title", "")
+                if any(fnmatch(title.lower(), pattern.lower()) for pattern in patterns):
+                    title = ""  # of a layer
+                name = _title(element) or _name(element) or title
+                name = f"{name}#{number}" if name else ""
+                lines = [
+                    (matrix @ np.column_stack((line, np.ones(len(line)))).T)[:2].T for line in _lines(element, tag)
+                ]
+                if lines and not _is_clear(style.get("fill", "black"), style.get("fill-opacity")):
+                    shapes.append(DrawnShape(lines[0], layers, name, True, tuple(lines[1:])))
+                else:
+                    shapes += [DrawnShape(line, layers, name) for line in lines]
+        except RecursionError as error:
+            raise ConfigError(f"{path.name}: groups are nested too deeply") from error
+        clones = sum(_tag(element) == "use" for element in root.iter())
+        plan = plan_of(path, shapes, texts, options)
+        if clones:
+            plan.notes.append(f"{clones} clones (<use>) are left out; unlink them in the drawing")
+        return plan
 
 
 def _elements(
-    element: Any, matrix: Array, layers: frozenset[str], style: dict[str, str]
+    element: Any, matrix: Array, layers: frozenset[str], style: dict[str, str], classes: dict[str, dict[str, str]]
 ) -> Iterator[tuple[Any, Array, frozenset[str], dict[str, str]]]:
     """The drawn elements, each with its transformation to user units, the names of its groups, and what it inherits.
 
-    That is its fill, its stroke and its title.
+    That is its fill, its stroke and the title of its group.
     """
-    if _tag(element) in _NOT_DRAWN or _style(element, "display") == "none":
+    own = {key: value for key in _INHERITED if (value := _style(element, key, classes))}
+    if _tag(element) in _NOT_DRAWN or _style(element, "display", classes) == "none":
         return
-    if element.get("transform"):
-        matrix = matrix @ np.array(_paths().parser.parse_transform(element.get("transform")))
-    style = style | {key: value for key in ("fill", "stroke") if (value := _style(element, key))}
-    title = next((str(child.text).strip() for child in element if _tag(child) == "title"), "")
-    style |= {"title": title} if title else {}
+    style = style | own
+    if transform := element.get("transform"):
+        try:
+            with warnings.catch_warnings(action="error"):
+                matrix = matrix @ np.array(_paths().parser.parse_transform(transform))
+        except (Warning, *UNREADABLE) as error:
+            raise ConfigError(f"the transform {transform[:60]!r} of the drawing cannot be read") from error
     names = {element.get("id"), element.get(_LABEL), *(element.get("class") or "").split()}
     layers = layers | frozenset(name for name in names if name)
-    if _tag(element) in ("svg", "g", "a"):
+    if _tag(element) in ("svg", "g", "a", "switch"):
+        if _tag(element) == "g" and _title(element):
+            style = style | {"title": _title(element)}
         for child in element:
-            yield from _elements(child, matrix, layers, style)
-    else:
+            if _tag(child) == "svg":
+                raise ConfigError("the drawing has another <svg> in it; ungroup it in the drawing")
+            yield from _elements(child, matrix, layers, style, classes)
+    elif style.get("visibility") not in ("hidden", "collapse"):
         yield element, matrix, layers | {_colour(style[key]) for key in ("fill", "stroke") if key in style}, style
+
+
+def _classes(root: Any) -> dict[str, dict[str, str]]:
+    """Properties by class, from the rules of one class in the style sheets of a drawing."""
+    text = " ".join("".join(element.itertext()) for element in root.iter() if _tag(element) == "style")
+    rules = re.findall(r"([^{}]+)\{([^{}]*)\}", re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL))
+    found: dict[str, dict[str, str]] = {}
+    for selectors, body in rules:
+        for selector in re.findall(r"(?:^|,)\s*\.([\w-]+)\s*(?=,|$)", selectors):
+            pairs = (pair.split(":", 1) for pair in body.split(";") if ":" in pair)
+            found.setdefault(selector, {}).update({key.strip(): value.strip() for key, value in pairs})
+    return found
+
+
+def _is_clear(fill: str, opacity: str | None) -> bool:
+    """Whether a fill cannot be seen."""
+    return fill in ("none", "transparent") or (opacity is not None and _number(opacity) == 0.0)
+
+
+def _title(element: Any) -> str:
+    return next((str(child.text or "").strip() for child in element if _tag(child) == "title"), "")
 
 
 def _lines(element: Any, tag: str) -> list[Array]:
     """The lines of an element in its own coordinates, (K, 2) each."""
-    conversions = _paths().svg_to_paths
-    values = element.attrib
+    conversions, values = _paths().svg_to_paths, element.attrib
     try:
         if tag == "path":
             text = values.get("d", "")
@@ -104,12 +152,12 @@ def _lines(element: Any, tag: str) -> list[Array]:
             )
         else:
             return []
-        path = _paths().parse_path(text)
+        parts = _paths().parse_path(text).continuous_subpaths() if text.strip() else []
     except UNREADABLE as error:
         name = f"{tag} {element.get('id') or ''}".strip()
         raise ConfigError(f"the {name} of the drawing cannot be read: {one_line(error, 200)}") from error
     found = []
-    for part in path.continuous_subpaths():
+    for part in parts:
         points = [part[0].start]
         for segment in part:
             steps = 1 if type(segment).__name__ == "Line" else _PIECES
@@ -140,19 +188,31 @@ def _name(element: Any) -> str:
     return "" if name in _GIVEN_BY_PROGRAMS else name
 
 
-def _style(element: Any, key: str) -> str | None:
-    """A property of an element, from its style or from the attribute of that name."""
+def _style(element: Any, key: str, classes: dict[str, dict[str, str]]) -> str | None:
+    """A property of an element, from its style, its classes, or the attribute of that name."""
     found = re.search(rf"(?:^|;)\s*{key}\s*:\s*([^;]+)", element.get("style") or "")
-    value = found.group(1) if found else element.get(key)
+    of_class = (classes[name][key] for name in (element.get("class") or "").split() if key in classes.get(name, {}))
+    value = found.group(1) if found else next(of_class, element.get(key))
     return value.strip() if value else None
 
 
 def _colour(value: str) -> str:
     """A colour as #rrggbb, where that is possible."""
     value = _NAMED_COLOURS.get(value.lower(), value.lower())
+    if parts := re.fullmatch(r"rgb\(\s*(\d+)\s*,\s*(\d+)\s*,\s*(\d+)\s*\)", value):
+        return "#" + "".join(f"{min(int(part), 255):02x}" for part in parts.groups())
     return "#" + "".join(2 * digit for digit in value[1:]) if re.fullmatch("#[0-9a-f]{3}", value) else value
 
 
 def _number(text: str | None) -> float:
-    found = re.match(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)", text or "0")
-    return float(found.group(1)) if found else 0.0
+    """A length in user units.
+
+    Raises:
+        ConfigError: it is in another unit.
+    """
+    if text is None:
+        return 0.0
+    found = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?:px)?\s*", text.split(",")[0])
+    if found is None:
+        raise ConfigError(f"the length {text[:40]!r} of the drawing is not in user units; convert it to a number")
+    return float(found.group(1))

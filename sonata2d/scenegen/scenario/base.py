@@ -99,9 +99,7 @@ class _Difference:
 class Settings(BaseModel, metaclass=OneLineErrors):
     """Base class of scenario settings: immutable; unknown keys are errors with a suggestion; numbers are finite."""
 
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, validate_by_name=True, serialize_by_alias=True
-    )
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, serialize_by_alias=True)
     _optional: ClassVar[frozenset[str]] = frozenset()  # keys that are left out where they have their default
 
     @model_serializer(mode="wrap")
@@ -139,9 +137,9 @@ class Settings(BaseModel, metaclass=OneLineErrors):
     @classmethod
     def _reject_unknown_keys(cls, values: Any) -> Any:
         # pydantic's own check (extra="forbid") runs later and has no suggestions
+        known = cls._keys()
         for key in values if isinstance(values, dict) else ():
-            known = cls._keys()
-            if key not in known and key not in cls.model_fields:
+            if key not in known:
                 if not (hint := did_you_mean(str(key), known)):
                     remedy = "; install the package, if a plug-in defines it" if cls._further_keys() else ""
                     hint = f"{remedy}; keys are {', '.join(known)}"

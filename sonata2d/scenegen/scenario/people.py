@@ -102,6 +102,8 @@ class PersonSpec(Settings):
                 raise setting_error("give a start (x, y), an area (in), or a track", key)
             if self.track is not None and getattr(self, key) is not None:
                 raise setting_error("the track gives the start: omit x and y", key)
+        if self.area is not None and any(self.jitter):
+            raise setting_error("a start that is drawn in an area has no jitter", "jitter")
         if self.track is not None and self.area is not None:
             raise setting_error("the track gives the start: omit in", "in")
         if self.track is not None and (self.enters or self.leaves is not None):

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from ...core.bounds import NotNegative, Number
 from ...core.files.limits import MAX_COUNT
-from ...core.geometry import Barriers, Point, segments_cross
+from ...core.geometry import Barriers, Point, inside_polygon, segments_cross
 from ...registry import ROOM_KINDS
 from .base import Entities, IntRange, Range, Settings, TupleOf, require_registered, weights_of, within
 from .problems import setting_error
@@ -29,7 +29,7 @@ def _check_wall(wall: tuple[float, float, float, float]) -> tuple[float, float, 
 
 def _check_polygon(corners: tuple[Point, ...]) -> tuple[Point, ...]:
     if not _is_simple_polygon(corners):
-        raise setting_error("edges of the polygon cross or touch each other")
+        raise setting_error("edges of the polygon cross or touch each other, or it is too thin")
     return corners
 
 
@@ -85,6 +85,25 @@ class RoomConfig(Settings):
     holes: Entities[Polygon] = ()
 
     @model_validator(mode="after")
+    def _check_holes(self) -> Self:
+        """Check that holes lie in the polygon, apart from it and from each other."""
+        if self.holes and self.polygon is None:
+            raise setting_error("holes need a given room (polygon)", "holes")
+        for k, hole in enumerate(self.holes):
+            for other in (self.polygon or (), *self.holes[:k]):
+                if not _are_apart(hole, other):
+                    raise setting_error("the hole crosses or touches the outline or another hole", "holes", k)
+            corner = np.array(hole[:1], dtype=float)
+            inside = [bool(inside_polygon(corner, np.array(ring))[0]) for ring in (self.polygon or (), *self.holes[:k])]
+            if not inside[0]:
+                raise setting_error("the hole is outside the room", "holes", k)
+            if any(inside[1:]) or any(
+                inside_polygon(np.array(other[:1]), np.array(hole))[0] for other in self.holes[:k]
+            ):
+                raise setting_error("a hole lies in another one", "holes", k)
+        return self
+
+    @model_validator(mode="after")
     def _check_sizes(self) -> Self:
         """Check that for all sizes in the ranges, arms leave a gap between them and a doorway fits into its wall."""
         for key, limit, limit_name in (
@@ -101,6 +120,13 @@ class RoomConfig(Settings):
             message = f"no length up to {length:g} m is at least the breadth, {breadth:g} m; exchange them"
             raise setting_error(message, "length")
         return self
+
+
+def _are_apart(ring: tuple[Point, ...], other: tuple[Point, ...]) -> bool:
+    """Return whether the edges of two rings neither cross nor touch."""
+    a, b = (Barriers.of((start, end, 0.0) for start, end in zip(r, (*r[1:], r[0]), strict=True)) for r in (ring, other))
+    crosses = segments_cross(a.start, a.end, b).any()
+    return not crosses and min(float(a.gaps(b.start).min()), float(b.gaps(a.start).min())) > 1e-3
 
 
 def _is_simple_polygon(corners: tuple[Point, ...]) -> bool:

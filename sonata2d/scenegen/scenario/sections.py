@@ -199,7 +199,7 @@ class AreaConfig(Settings):
         name: of the area; `in: NAME` places the robot, its goal or one of `people` in it.
         polygon: corners in order, m, world frame; edges must not cross.
         share: weight with which drawn pedestrians and furniture are placed in this area; those at fixed furniture and
-            at given places are not. Default: anywhere in the room, if no area has a share.
+            at given places are not. Default: anywhere in the room, if no area has a share above 0.
     """
 
     _optional = frozenset({"share"})
