@@ -244,6 +244,7 @@ CASES: dict[str, Callable[[Number], Any]] = {
     "sonata2d.Dataset.save": lambda n: split(n)[2],
     "sonata2d.Scene": lambda n: (scene_of(n), document(s2.SocialPlanner(), scene_of(n))),
     **dict.fromkeys(("sonata2d.Door", "sonata2d.Queue", "sonata2d.Place"), scene_of),
+    "sonata2d.Scene.is_on_floor": lambda n: scene().is_on_floor(np.array([(n(3), n(4)), (n(40), n(4))])).tolist(),
     "sonata2d.Scene.save": lambda n: picture(scene, n),
     "sonata2d.Snapshot.save": lambda n: picture(lambda: snapshots()[3], n),
     "sonata2d.EpisodeRecord.save": lambda n: film(record, n),

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from ...core.wording import one_line
 from ...errors import ConfigError
@@ -17,7 +18,8 @@ _SLOWEST = 0.4  # m/s, at which a robot crosses the whole building three times w
 _SHORTEST = 60.0  # s
 
 
-class MapScenario(NamedTuple):
+@dataclass(frozen=True)
+class MapScenario:
     """A scenario from a map.
 
     Attributes:
