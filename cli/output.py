@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 import click
@@ -72,6 +73,17 @@ def show_json(value: Any) -> None:
     click.echo(orjson.dumps(value, option=options), nl=False)
 
 
+def require_new(*paths: Path) -> None:
+    """Require that files do not exist, before a command takes time to make them.
+
+    Raises:
+        UsageError: one does.
+    """
+    for path in paths:
+        if path.exists():
+            raise click.UsageError(f"{path} already exists; give a new file name, or remove the file first")
+
+
 def show_links(links: dict[str, str]) -> None:
     """Print the links of a study, by name."""
     show_result(links, "\n".join(f"{name}:  {link}" for name, link in links.items()))
@@ -83,6 +95,17 @@ def show_table(rows: Iterable[tuple[str, object]], indent: str = "") -> None:
     width = max((len(name) for name, _ in pairs), default=0)
     for name, value in pairs:
         click.echo(f"{indent}{name:<{width}}  {value}")
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """The lines of a table, with the first column on the left and the others on the right of their width."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(
+            [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
+        )
+        for row in rows
+    ]
 
 
 @contextmanager

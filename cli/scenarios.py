@@ -10,7 +10,7 @@ import click
 from .command import Group
 from .controllers import controller_option
 from .options import PATH, examples, json_option
-from .output import echo, progress, show_json, show_result, show_table, wants_json
+from .output import aligned, echo, progress, require_new, show_json, show_result, show_table, wants_json
 from .transfer import TRACK_OPTIONS, show_tracks, track_options
 
 
@@ -109,8 +109,7 @@ def scenario_from_tracks(tracks: Path, output: Path, **options: Any) -> None:
     from sonata2d.formats.format import Options
     from sonata2d.formats.from_tracks import save_scenario, scenario_and_summary
 
-    if output.exists():
-        raise click.UsageError(f"{output} already exists; give a new file name, or remove the file first")
+    require_new(output)
     of_reader = {name: options.pop(name) for name in TRACK_OPTIONS}
     config, summary = scenario_and_summary(tracks, Options(**of_reader), **options)  # options have its arguments' names
     save_scenario(config, output)
@@ -179,9 +178,7 @@ def scenario_from_map(map_file: Path, output: Path, **options: Any) -> None:
     from sonata2d.view.stills import save_surface
 
     picture = output.with_name(f"{output.stem}-map.png")
-    for path in (output, picture):
-        if path.exists():
-            raise click.UsageError(f"{path} already exists; give a new file name, or remove the file first")
+    require_new(output, picture)
     found = scenario_from_map(map_file, **{name: value for name, value in options.items() if value not in (None, ())})
     scene = generate(found.config)  # before anything is written: people and robot have space
     save_scenario(found.config, output)
@@ -285,16 +282,14 @@ def show_difficulty(scenario: str, scenes: int, seed: int, certifies: bool) -> N
         return
     columns = [("value", "s"), ("straightness", ""), ("passage", "m"), ("density", "1/m²"), ("encounters", "")]
     columns += [("standing", ""), *([("solvable", ""), ("time", "s")] if certifies else [])]
-    click.echo("  ".join(["scene", *(f"{name}, {unit}" if unit else name for name, unit in columns)]))
-    for row in rows:
-        cells = (
-            f"{row[name]:.2f}" if isinstance(row[name], float) else str("-" if row[name] is None else row[name])
-            for name, _ in columns
-        )
-        widths = (len(f"{name}, {unit}" if unit else name) for name, unit in columns)
-        click.echo(
-            "  ".join([f"{row['episode']:5d}", *(cell.rjust(width) for cell, width in zip(cells, widths, strict=True))])
-        )
+    table = [["scene", *(f"{name}, {unit}" if unit else name for name, unit in columns)]]
+    table += [[f"{row['episode']:5d}", *(_cell(row[name]) for name, _ in columns)] for row in rows]
+    for line in aligned(table):
+        click.echo(line)
     values = sorted(row["value"] for row in rows)
     middle = values[len(values) // 2]
     echo(f"{config.name}: difficulty {values[0]:.1f} to {values[-1]:.1f} s, median {middle:.1f} s")
+
+
+def _cell(value: Any) -> str:
+    return "-" if value is None else f"{value:.2f}" if isinstance(value, float) else str(value)

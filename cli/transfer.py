@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from .output import echo, show_json, wants_json
+from .output import aligned, echo, show_json, wants_json
 
 if TYPE_CHECKING:
     from sonata2d.formats.api import TransferResult
@@ -79,15 +79,10 @@ def show_tracks(tracks: dict[Path, dict[str, Any]]) -> None:
     """Print on standard error, for each file, a row of facts about its tracks, then remarks and doubts."""
     if not tracks or wants_json():
         return
-    rows = [
-        [title for _, title in _COLUMNS],
-        *([_cell(facts[key]) for key, _ in _COLUMNS] for facts in tracks.values()),
-    ]
-    names = ["tracks", *(path.name for path in tracks)]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for name, row in zip(names, rows, strict=True):
-        cells = "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
-        click.echo(f"{name.ljust(max(map(len, names)))}  {cells}", err=True)
+    rows = [["tracks", *(title for _, title in _COLUMNS)]]
+    rows += [[path.name, *(_cell(facts[key]) for key, _ in _COLUMNS)] for path, facts in tracks.items()]
+    for line in aligned(rows):
+        click.echo(line, err=True)
     for path, facts in tracks.items():
         for kind in ("notes", "doubts"):
             for remark in facts[kind]:

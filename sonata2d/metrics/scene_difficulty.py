@@ -25,7 +25,7 @@ from .space import human_clearance_min, obstacle_clearance_min
 _EXPERT = "social-planner"
 _STEP = 0.1  # m, between the points of the path at which gaps are measured
 _MARGIN = 0.05  # m, gap of the robot to obstacles along its path
-_NEAR = 1.0  # m, between outlines: a person who comes so near is encountered
+_NEAR = 1.0  # m, gap between outlines up to which a person counts as encountered
 _WIDE = 3.0  # m: a wider passage does not slow the robot down
 _BESIDE = 0.5  # sine of the smallest angle between the path and the direction to what is beside it
 _AROUND = 3.0  # m, from the path, within which the density is measured
@@ -93,7 +93,7 @@ def difficulty(scene: Scene) -> Difficulty:
     start, goal = scene.robot.pose.position, scene.goal.position
     space = FreeSpace(scene.outline, scene.barriers, radius + _MARGIN, scene.standing_humans)
     path = space.path(start, goal)
-    if path is None:  # people who stand may go on, or step aside
+    if path is None:  # standing people can move out of the way
         path = space.with_added(Barriers.of(())).path(start, goal)
     around = [h for h in scene.humans if h.enters == 0]
     if path is None:

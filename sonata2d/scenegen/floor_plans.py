@@ -184,15 +184,15 @@ def _problem(value: object) -> str | None:
 def draw_floor_plan(config: RoomConfig, rng: RandomStream) -> FloorPlan:
     """Draw a floor plan of one of the kinds, or return the given polygon; both with the given inner walls."""
     given_walls = tuple(Wall(_turned((x1, y1)), _turned((x2, y2))) for x1, y1, x2, y2 in config.walls)
-    holes = tuple(map(_counter_clockwise, config.holes))
     if config.polygon is not None:
+        holes = tuple(map(_counter_clockwise, config.holes))
         return FloorPlan("given", _counter_clockwise(config.polygon), given_walls, holes)
     name = rng.choice(list(config.kinds), list(config.kinds.values()))
     kind = load_room_kind(name)
     corners, walls = kind.draw(config, rng)
     turns = config.turns.draw(rng) if kind.turned else 0
     inner_walls = tuple(Wall(_turned(a, turns), _turned(b, turns)) for a, b in walls)
-    return FloorPlan(name, _counter_clockwise(corners, turns), inner_walls + given_walls, holes)
+    return FloorPlan(name, _counter_clockwise(corners, turns), inner_walls + given_walls)
 
 
 def _square(config: RoomConfig, rng: RandomStream) -> tuple[Corners, WallEnds]:

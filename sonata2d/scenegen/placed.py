@@ -15,7 +15,7 @@ from ..core.entities import Furniture, Group, Human, Interaction
 from ..core.files.limits import MAX_TRACK_POINTS
 from ..core.geometry import Barriers, Disc, Point, Pose, canonical_angle, quantised
 from ..core.navigation import FreeSpace
-from ..core.outlines import COLUMNS, outline_row, shape_gap
+from ..core.outlines import outline_row, shape_gap
 from ..core.portable_math import PI, angle_of
 from ..core.relations import TALKING, WALKING_TOGETHER
 from ..core.rng import RandomStream
@@ -57,23 +57,21 @@ def draw_starts(
     """
     if all(person.area is None for person in config.people):
         return config
-    rows = [outline_row(piece.shape, piece.pose) for piece in furniture if piece.on is None]
-    rows += [outline_row(_STARTING, Pose(*p.start)) for p in config.people if p.area is None and not p.enters]
-    rows += [outline_row(shape, pose) for shape, pose in reserved_outlines(config)]
-    corners, people = {area.name: area.corners for area in config.areas}, []
+    layout = Layout(plan, config, reserved_outlines(config), [(p.shape, p.pose) for p in furniture if p.on is None])
+    layout.occupy([(_STARTING, Pose(*p.start)) for p in config.people if p.area is None and not p.enters])
+    gap, people = max(config.person.wall_distance - _STARTING.radius, 0.0), []
     for person in config.people:
         if person.area is not None:
             for _ in range(config.max_attempts):
-                place = Pose(*plan.sample_point(rng, corners[person.area])).rounded()
-                gap = max(config.person.wall_distance - _STARTING.radius, 0.0)
-                if plan.has_space([outline_row(_STARTING, place, gap)], np.array(rows).reshape(-1, COLUMNS)):
+                place = Pose(*layout.sample_point(rng, person.area)).rounded()
+                if layout.is_free(_STARTING, place, 0.0, gap):
                     break
             else:
                 raise SceneError(
                     f"no free place for a person in the area {person.area!r} after {config.max_attempts} attempts; "
                     "enlarge the area, or ask for fewer people in it"
                 )
-            rows.append(outline_row(_STARTING, place))
+            layout.occupy([(_STARTING, place)])
             person = person.model_copy(update={"x": place.x, "y": place.y, "area": None})
         people.append(person)
     return config.model_copy(update={"people": tuple(people)})

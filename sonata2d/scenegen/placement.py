@@ -37,6 +37,8 @@ class Layout:
         self, plan: FloorPlan, config: ScenarioConfig, reserved: list[PlacedShape], furniture: list[PlacedShape]
     ) -> None:
         self.plan, self.config = plan, config
+        self._corners = {area.name: area.corners for area in config.areas}
+        self._shares = {area.name: area.share for area in config.areas if area.share}
         self._rows, self._count = np.empty((64, COLUMNS)), 0  # occupied outlines
         self._reserved = len(reserved)
         self.occupy(reserved + furniture)
@@ -98,12 +100,11 @@ class Layout:
 
     def sample_point(self, rng: RandomStream, area: str | None = None) -> Point:
         """Draw a point from one of the areas, by its name, or from the bounding box of the room, m."""
-        polygon = next((each.polygon for each in self.config.areas if each.name == area), None)
-        return self.plan.sample_point(rng, polygon)
+        return self.plan.sample_point(rng, None if area is None else self._corners[area])
 
     def _sample_point(self, rng: RandomStream) -> Point:
         """Draw a point where drawn entities may be placed, m."""
-        shares = {each.name: each.share for each in self.config.areas if each.share}
+        shares = self._shares
         return self.sample_point(rng, rng.choice(list(shares), list(shares.values())) if shares else None)
 
     def _is_o_space_free(self, cluster: EntityCluster, poses: list[Pose], origin: Pose) -> bool:

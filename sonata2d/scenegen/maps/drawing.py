@@ -19,14 +19,12 @@ from .plan import (
     Picture,
     Piece,
     Plan,
-    chosen_floor,
-    opened,
+    finished_floor,
+    package,
     polygons_of,
     rooms_of,
     shapely,
-    straightened,
-    with_objects,
-    without_specks,
+    sides,
 )
 
 # Exceptions with which the parsers of drawings end on damaged files
@@ -54,6 +52,7 @@ class DrawnShape:
         points: (K, 2), m; curves are lines in pieces.
         layers: names of its layer and groups, and its colours as #rrggbb.
         name: of its element or block, for furniture and rooms; may be empty.
+        part_of: the element or the block, of which all shapes are one piece of furniture; empty: the shape is one.
         is_filled: whether the outline is an area rather than a line.
         others: further outlines of the same area, (K, 2) each, m: what lies in an even number of outlines is a hole.
         width: of a line, m; 0: `MapOptions.wall_width`.
@@ -62,6 +61,7 @@ class DrawnShape:
     points: Array
     layers: frozenset[str]
     name: str = ""
+    part_of: str = ""
     is_filled: bool = False
     others: tuple[Array, ...] = ()
     width: float = 0.0
@@ -114,10 +114,7 @@ def plan_of(path: Path, shapes: Sequence[DrawnShape], texts: Sequence[DrawnText]
     outside = [part for part in polygons_of(frame.difference(closing)) if part.intersects(frame.exterior)]
     floors, entrances = _connected(enclosed, thresholds)
     entrances = [door for door in entrances if any(part.distance(door) < _SLIT for part in outside)]
-    wide = [part for floor in floors for part in opened(floor, options.narrowest)]
-    floor = without_specks(chosen_floor(wide, options.robot_at, notes), options.smallest, notes)
-    floor, pillars = with_objects(floor, _LARGEST_OBJECT)
-    floor = straightened(floor, options.tolerance or _TOLERANCE, options.most_walls, notes)
+    floor, pillars = finished_floor(floors, options, tolerance=_TOLERANCE, largest_object=_LARGEST_OBJECT, notes=notes)
     furniture = [
         Piece(_type_of(s), hull) for s in _grouped(shapes, options.furniture) if (hull := _hull(s)) is not None
     ]
@@ -133,7 +130,7 @@ def plan_of(path: Path, shapes: Sequence[DrawnShape], texts: Sequence[DrawnText]
         )
     near = floor.buffer(2.0 * options.wall_width + 0.3)
     doors_outside = [
-        (threshold.centroid.coords[0], _width_of(threshold)) for threshold in entrances if near.intersects(threshold)
+        (threshold.centroid.coords[0], max(sides(threshold))) for threshold in entrances if near.intersects(threshold)
     ]
     return Plan(floor, pillars + inside, areas, doors_outside, _picture(shapes), notes)
 
@@ -166,11 +163,11 @@ def _solid(shape: DrawnShape, width: float) -> Any:
 
 
 def _grouped(shapes: Sequence[DrawnShape], patterns: Iterable[str]) -> list[DrawnShape]:
-    """The shapes of a layer; those with the same name, as the lines of a block, are joined to one."""
+    """The shapes of a layer; those of one element or block are joined."""
     found: dict[str, list[DrawnShape]] = {}
     for k, shape in enumerate(shapes):
         if _matches(shape, patterns):
-            found.setdefault(shape.name if "#" in shape.name else f"{k}", []).append(shape)
+            found.setdefault(shape.part_of or f"shape {k}", []).append(shape)
     return [
         parts[0]
         if len(parts) == 1
@@ -180,7 +177,7 @@ def _grouped(shapes: Sequence[DrawnShape], patterns: Iterable[str]) -> list[Draw
 
 
 def _hull(shape: DrawnShape) -> Any | None:
-    """The outline around a shape: its own if it is closed and convex, else its convex hull; None: it has no area."""
+    """The convex hull of a shape, as a thin rectangle if it is a straight line; None: it has no area."""
     hull = shapely().MultiPoint(shape.points).convex_hull
     if hull.geom_type == "LineString":
         hull = hull.buffer(0.02, cap_style="flat")
@@ -194,7 +191,7 @@ def _threshold(hull: Any, solid: Any) -> Any | None:
         hull: outline around the door, with its swing.
         solid: the walls.
     """
-    half = 0.55 * _width_of(hull)
+    half = 0.55 * max(sides(hull))
     around = solid.intersection(hull.buffer(3.0 * half))
     closed = around.buffer(half, join_style="mitre").buffer(-half, join_style="mitre")
     gaps = polygons_of(closed.intersection(hull.buffer(_FACE)).difference(solid))
@@ -214,7 +211,7 @@ def _connected(rooms: Sequence[Any], thresholds: Sequence[Any]) -> tuple[list[An
             (inner if touched > 1 else entrances).append(threshold)
     parts = [part.buffer(_JOINED, join_style="mitre") for part in (*rooms, *inner)]
     joined = shapely().union_all(parts).buffer(-_JOINED, join_style="mitre")
-    return [floor for floor in polygons_of(joined) if floor.area > 1.0], entrances
+    return polygons_of(joined), entrances
 
 
 def _named(
@@ -226,7 +223,7 @@ def _named(
         if _matches(shape, options.rooms) and len(shape.points) > 3:
             outline = shapely().Polygon(shape.points).buffer(0.0)
             words = [text.text for text in texts if outline.contains(shapely().Point(*text.position))]
-            _add(found, shape.name.split("#")[0] or " ".join(words) or "room", outline, floor)
+            _add(found, shape.name or " ".join(words) or "room", outline, floor)
     if found:
         return found
     for room in rooms:
@@ -248,28 +245,18 @@ def _add(found: dict[str, Any], name: str, outline: Any, floor: Any) -> None:
 
 
 def _type_of(shape: DrawnShape) -> str:
-    name = shape.name.split("#")[0].strip().lower()
+    name = shape.name.lower()
     return next((kind for part, kind in _TYPES.items() if part in name), name or "object")
-
-
-def _width_of(threshold: Any) -> float:
-    corners = np.array(threshold.minimum_rotated_rectangle.exterior.coords)[:3]
-    return float(np.hypot(*np.diff(corners, axis=0).T).max())
 
 
 def _picture(shapes: Sequence[DrawnShape]) -> Picture:
     """The drawing as an image."""
-    from .raster import optional_image
-
     low = np.min([shape.points.min(axis=0) for shape in shapes], axis=0) - 0.5
     high = np.max([shape.points.max(axis=0) for shape in shapes], axis=0) + 0.5
     size = float((high - low).max()) / _PICTURE_SIDE
     width, height = (int(side / size) + 1 for side in high - low)
-    optional_image()
-    from PIL import Image, ImageDraw
-
-    image = Image.new("L", (width, height), 255)
-    brush = ImageDraw.Draw(image)
+    image = package("PIL.Image").new("L", (width, height), 255)
+    brush = package("PIL.ImageDraw").Draw(image)
     picture = Picture(np.asarray(image), (float(low[0]), float(low[1])), 0.0, size)
     for shape in shapes:
         points = [tuple(point) for point in picture.to_pixels(shape.points).tolist()]

@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ...core.files.optional import optional
 from ...core.wording import one_line
 from ...errors import ConfigError
 from .drawing import UNREADABLE, DrawnShape, DrawnText, plan_of
-from .plan import MapOptions, Plan, read_map
+from .plan import MapOptions, Plan, package, read_map
 
 _FLATNESS = 0.01  # m, by which pieces of a curve may differ from it
 _COARSE = 1e-4  # the same, as a share of the size of the curve
@@ -35,11 +34,7 @@ class DxfDrawing:
         Raises:
             ConfigError: the unit is not known, the file cannot be read, or no floor is enclosed by walls.
         """
-        try:
-            ezdxf = optional("ezdxf", ConfigError)
-            units, paths = optional("ezdxf.units", ConfigError), optional("ezdxf.path", ConfigError)
-        except ConfigError as error:
-            raise ConfigError("DXF drawings need ezdxf; pip install 'sonata2d[maps]'") from error
+        ezdxf, units = package("ezdxf"), package("ezdxf.units")
         read_map(path)  # is a file, and not too large
         try:
             document = ezdxf.readfile(path)
@@ -54,23 +49,23 @@ class DxfDrawing:
             if unit is None:
                 raise ConfigError(f"{path} does not say its unit; give the length of its unit, m (--unit)")
         try:
-            shapes, texts = _content(document, unit, paths)
+            shapes, texts = _content(document, unit)
         except (ezdxf.DXFError, *UNREADABLE) as error:
             raise ConfigError(f"{path.name} is damaged: {type(error).__name__}: {one_line(error, 200)}") from error
         return plan_of(path, shapes, texts, options)
 
 
-def _content(document: Any, unit: float, paths: Any) -> tuple[list[DrawnShape], list[DrawnText]]:
+def _content(document: Any, unit: float) -> tuple[list[DrawnShape], list[DrawnText]]:
     """Lines and texts of the model space of a drawing.
 
     Args:
         document: of ezdxf.
         unit: of the drawing, m.
-        paths: the module `ezdxf.path`.
     """
+    paths = package("ezdxf.path")
     shapes, texts = list[DrawnShape](), list[DrawnText]()
     hidden = {layer.dxf.name.lower() for layer in document.layers if layer.is_frozen() or layer.is_off()}
-    for entity, layers, name in _entities(document.modelspace(), frozenset(), "", 0):
+    for entity, layers, (name, owner) in _entities(document.modelspace(), frozenset(), ("", ""), 0):
         kind = entity.dxftype()
         if any(layer.lower() in hidden for layer in layers):
             continue
@@ -88,16 +83,16 @@ def _content(document: Any, unit: float, paths: Any) -> tuple[list[DrawnShape], 
         outlines = [np.array([(point.x, point.y) for point in line]) * unit for line in lines]
         outlines = [points for points in outlines if np.ptp(points, axis=0).max() > 0.0]
         if outlines and kind in ("HATCH", "SOLID"):
-            shapes.append(DrawnShape(outlines[0], layers, name, True, tuple(outlines[1:])))
+            shapes.append(DrawnShape(outlines[0], layers, name, owner, True, tuple(outlines[1:])))
         else:
             width = unit * float(entity.dxf.get("const_width", 0.0)) if kind == "LWPOLYLINE" else 0.0
-            shapes += [DrawnShape(points, layers, name, width=width) for points in outlines]
+            shapes += [DrawnShape(points, layers, name, owner, width=width) for points in outlines]
     return shapes, texts
 
 
 def _colour(entity: Any, document: Any) -> str:
     """The colour of an entity or of its layer as #rrggbb; empty: it has none."""
-    colours = optional("ezdxf.colors", ConfigError)
+    colours = package("ezdxf.colors")
     layer = document.layers.get(entity.dxf.layer) if document.layers.has_entry(entity.dxf.layer) else None
     number = entity.dxf.get("color", 256)
     if entity.rgb is not None:
@@ -116,18 +111,18 @@ def _side(path: Any) -> float:
 
 
 def _entities(
-    container: Any, layers: frozenset[str], name: str, depth: int
-) -> Iterator[tuple[Any, frozenset[str], str]]:
-    """All entities, those of blocks included, each with the names of its layers and of its block."""
+    container: Any, layers: frozenset[str], block: tuple[str, str], depth: int
+) -> Iterator[tuple[Any, frozenset[str], tuple[str, str]]]:
+    """All entities, those of blocks included, each with the names of its layers, and the name and id of its block."""
     for number, entity in enumerate(container):
         own = layers | {str(entity.dxf.get("layer", "0"))}
         if entity.dxftype() == "INSERT":
             if depth < _DEEPEST:
                 for k, single in enumerate(entity.multi_insert() if entity.mcount > 1 else [entity]):
-                    block = name or f"{entity.dxf.name}#{number}.{k}"
-                    yield from _entities(single.virtual_entities(), own, block, depth + 1)
-                yield from ((attribute, own, name) for attribute in entity.attribs)
+                    inner = block if block[1] else (str(entity.dxf.name), f"block {number}.{k}")
+                    yield from _entities(single.virtual_entities(), own, inner, depth + 1)
+                yield from ((attribute, own, block) for attribute in entity.attribs)
         elif entity.dxftype() == "MLINE":
-            yield from ((part, own, name) for part in entity.virtual_entities())
+            yield from ((part, own, block) for part in entity.virtual_entities())
         else:
-            yield entity, own, name
+            yield entity, own, block

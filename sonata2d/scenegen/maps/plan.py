@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ _LARGE = 2.5  # m, longest side of an obstacle that may separate rooms
 _MOST_BYTES = 100_000_000
 _LARGEST_TOLERANCE = 0.25  # m
 _TOUCHING, _CLEARANCE = 1e-3, 3e-3  # m
+_SMALLEST_FLOOR = 1.0  # m²
 _SMALLEST_MIDDLE = 0.5  # m², of a room without a margin of half the width of a door
 
 
@@ -50,12 +52,6 @@ class Picture(FloatFields):
         c, s = math.cos(self.theta), math.sin(self.theta)
         x, y = (np.asarray(points, dtype=float).reshape(-1, 2) - self.origin).T
         return np.stack(((x * c + y * s) / self.size, len(self.grey) - (y * c - x * s) / self.size), axis=1)
-
-    def to_world(self, pixels: Array) -> Array:
-        """The inverse of `to_pixels`."""
-        c, s = math.cos(self.theta), math.sin(self.theta)
-        u, v = pixels[:, 0] * self.size, (len(self.grey) - pixels[:, 1]) * self.size
-        return np.stack((self.origin[0] + u * c - v * s, self.origin[1] + u * s + v * c), axis=1)
 
 
 @dataclass(frozen=True)
@@ -153,19 +149,24 @@ def read_map(path: Path) -> bytes:
         raise ConfigError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
 
 
-def shapely() -> Any:
-    """The package shapely with the modules in use.
+@cache
+def package(name: str) -> Any:
+    """A package, or a module of one, of the extra `maps`.
 
     Raises:
         ConfigError: it is not installed.
     """
-    try:
-        package = optional("shapely", ConfigError)
-        for module in ("affinity", "ops", "validation"):
-            optional(f"shapely.{module}", ConfigError)
-    except ConfigError as error:
-        raise ConfigError("floor plans need shapely, which is not installed; pip install 'sonata2d[maps]'") from error
-    return package
+    return optional(name, ConfigError, extra="maps")
+
+
+def shapely() -> Any:
+    """The package shapely with its module of affine transformations.
+
+    Raises:
+        ConfigError: it is not installed.
+    """
+    package("shapely.affinity")
+    return package("shapely")
 
 
 def polygons_of(geometry: Any) -> list[Any]:
@@ -175,7 +176,28 @@ def polygons_of(geometry: Any) -> list[Any]:
     return sorted((part for part in found if not part.is_empty), key=lambda part: -part.area)
 
 
-def chosen_floor(candidates: Sequence[Any], robot_at: Point | None, notes: list[str]) -> Any:
+def finished_floor(
+    floors: Sequence[Any], options: MapOptions, *, tolerance: float, largest_object: float, notes: list[str]
+) -> tuple[Any, list[Piece]]:
+    """The chosen floor with straight walls, and the obstacles on it that are furniture.
+
+    Args:
+        floors: connected parts of the map, polygons of shapely, m.
+        options: of the reader.
+        tolerance: of straightened walls, m, unless the options have one.
+        largest_object: longest side of an obstacle that counts as furniture, m.
+        notes: gets lines about what was left out or changed.
+
+    Raises:
+        ConfigError: there is no floor, or none at `robot_at`, or there are too many walls.
+    """
+    wide = [part for floor in floors if floor.area > _SMALLEST_FLOOR for part in _opened(floor, options.narrowest)]
+    floor = _without_specks(_chosen_floor(wide, options.robot_at, notes), options.smallest, notes)
+    floor, pieces = _with_objects(floor, largest_object)
+    return _straightened(floor, options.tolerance or tolerance, options.most_walls, notes), pieces
+
+
+def _chosen_floor(candidates: Sequence[Any], robot_at: Point | None, notes: list[str]) -> Any:
     """The connected floor around a point, or the largest one.
 
     Args:
@@ -202,21 +224,21 @@ def chosen_floor(candidates: Sequence[Any], robot_at: Point | None, notes: list[
                 f"({inside.x:.2f}, {inside.y:.2f})"
             )
         chosen = around[0]
-    others = [floor.area for floor in found if floor is not chosen and floor.area > 1.0]
+    others = [floor.area for floor in found if floor is not chosen and floor.area > _SMALLEST_FLOOR]
     if others:
         sizes = ", ".join(f"{area:.0f}" for area in others[:5]) + (", …" if len(others) > 5 else "")
         notes.append(f"{len(others)} separate floors are left out, {sizes} m²; --robot-at X Y chooses another one")
     return chosen
 
 
-def opened(floor: Any, narrowest: float) -> list[Any]:
+def _opened(floor: Any, narrowest: float) -> list[Any]:
     """The connected parts of a floor without passages and recesses that are narrower than a limit, m."""
     half = narrowest / 2.0
     wide = floor.buffer(-half, join_style="mitre").buffer(half * 1.001, join_style="mitre", mitre_limit=2.0)
     return polygons_of(wide.intersection(floor))
 
 
-def straightened(floor: Any, tolerance: float, most_walls: int, notes: list[str]) -> Any:
+def _straightened(floor: Any, tolerance: float, most_walls: int, notes: list[str]) -> Any:
     """A floor with straight edges: lines fitted to the outline, which meet in corners.
 
     Args:
@@ -306,7 +328,7 @@ def straight_ring(ring: Array, tolerance: float) -> Array:
     k = 0
     while len(breaks) > 3 and k < len(breaks):  # divisions that the fitted lines do not need
         i, j = breaks[k - 1], breaks[(k + 1) % len(breaks)]
-        if _fit(_between(points, i, j), tolerance) is not None:
+        if _is_straight(_between(points, i, j), tolerance):
             del breaks[k]
         else:
             k += 1
@@ -332,7 +354,7 @@ def _breaks(points: Array, i: int, j: int, tolerance: float) -> list[int]:
     found, parts = list[int](), [(i, j)]
     while parts:
         i, j = parts.pop()
-        if j - i < 2 or _fit(points[i : j + 1], tolerance) is not None:
+        if j - i < 2 or _is_straight(points[i : j + 1], tolerance):
             continue
         chord = points[j] - points[i]
         offset = points[i + 1 : j] - points[i]
@@ -351,11 +373,11 @@ def _best_line(points: Array) -> tuple[Array, Array]:
     return middle, direction
 
 
-def _fit(points: Array, tolerance: float) -> tuple[Array, Array] | None:
-    """The line that fits points best, or None if one of them is farther from it than the tolerance."""
+def _is_straight(points: Array, tolerance: float) -> bool:
+    """Whether all points (K, 2) are within the tolerance of the line that fits them best, m."""
     middle, u = _best_line(points)
     offset = points - middle
-    return (middle, u) if np.abs(offset[:, 0] * u[1] - offset[:, 1] * u[0]).max() <= tolerance else None
+    return bool(np.abs(offset[:, 0] * u[1] - offset[:, 1] * u[0]).max() <= tolerance)
 
 
 def _intersection(a: Array, u: Array, b: Array, v: Array) -> Array | None:
@@ -368,11 +390,11 @@ def _intersection(a: Array, u: Array, b: Array, v: Array) -> Array | None:
     return corner
 
 
-def without_specks(floor: Any, smallest: float, notes: list[str]) -> Any:
+def _without_specks(floor: Any, smallest: float, notes: list[str]) -> Any:
     """A floor without holes that are smaller than a limit in both directions, m."""
     kept, dropped = [], 0
     for ring in floor.interiors:
-        if max(_sides(shapely().Polygon(ring))) < smallest:
+        if max(sides(shapely().Polygon(ring))) < smallest:
             dropped += 1
         else:
             kept.append(ring)
@@ -381,7 +403,7 @@ def without_specks(floor: Any, smallest: float, notes: list[str]) -> Any:
     return shapely().Polygon(floor.exterior, kept)
 
 
-def with_objects(floor: Any, largest: float) -> tuple[Any, list[Piece]]:
+def _with_objects(floor: Any, largest: float) -> tuple[Any, list[Piece]]:
     """Turn holes of simple outline into furniture.
 
     Args:
@@ -394,14 +416,14 @@ def with_objects(floor: Any, largest: float) -> tuple[Any, list[Piece]]:
     kept, pieces = [], []
     for ring in floor.interiors:
         outline = shapely().Polygon(ring)
-        if max(_sides(outline)) <= largest and outline.area > _CONVEX * outline.convex_hull.area:
+        if max(sides(outline)) <= largest and outline.area > _CONVEX * outline.convex_hull.area:
             pieces.append(Piece("object", outline))
         else:
             kept.append(ring)
     return shapely().Polygon(floor.exterior, kept), pieces
 
 
-def _sides(outline: Any) -> tuple[float, float]:
+def sides(outline: Any) -> tuple[float, float]:
     """Length and width of the smallest rectangle around an outline, m."""
     corners = np.array(outline.minimum_rotated_rectangle.exterior.coords)[:3]
     return math.dist(corners[0], corners[1]), math.dist(corners[1], corners[2])
@@ -414,7 +436,7 @@ def rooms_of(floor: Any) -> dict[str, Any]:
     several rooms, else a corner of one room.
     """
     half = _DOOR / 2.0
-    large = [ring for ring in floor.interiors if max(_sides(shapely().Polygon(ring))) > _LARGE]
+    large = [ring for ring in floor.interiors if max(sides(shapely().Polygon(ring))) > _LARGE]
     whole = shapely().Polygon(floor.exterior, large)
     middles = [middle for middle in polygons_of(whole.buffer(-half)) if middle.area > _SMALLEST_MIDDLE]
     rooms = [polygons_of(middle.buffer(half).intersection(whole))[0] for middle in middles]

@@ -12,7 +12,6 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 from pydantic import BaseModel, ValidationError
 
-from ...core.files.optional import optional
 from ...core.portable_math import BoolArray
 from ...core.wording import one_line
 from ...errors import ConfigError
@@ -21,15 +20,12 @@ from .plan import (
     MapOptions,
     Picture,
     Plan,
-    chosen_floor,
-    opened,
+    finished_floor,
+    package,
     polygons_of,
     read_map,
     rooms_of,
     shapely,
-    straightened,
-    with_objects,
-    without_specks,
 )
 
 _LARGEST_OBJECT = 2.5  # m, longest side of an obstacle that counts as furniture
@@ -110,7 +106,7 @@ def _read_image(path: Path) -> tuple[Any, Any]:
     Raises:
         ConfigError: it cannot be read, or is too large.
     """
-    image, data = optional_image(), BytesIO(read_map(path))
+    image, data = package("PIL.Image"), BytesIO(read_map(path))
     try:
         with image.open(data) as opened_image:
             if opened_image.width * opened_image.height > _MOST_PIXELS:
@@ -122,18 +118,6 @@ def _read_image(path: Path) -> tuple[Any, Any]:
     except (OSError, ValueError, SyntaxError, image.DecompressionBombError) as error:
         raise ConfigError(f"the image {path.name} cannot be read: {one_line(error, 200)}") from error
     return bands[:, :, 0], bands[:, :, 1]
-
-
-def optional_image() -> Any:
-    """`PIL.Image`.
-
-    Raises:
-        ConfigError: Pillow is not installed.
-    """
-    try:
-        return optional("PIL.Image", ConfigError)
-    except ConfigError as error:
-        raise ConfigError("maps need Pillow, which is not installed; pip install 'sonata2d[maps]'") from error
 
 
 def _traced(is_floor: BoolArray, picture: Picture, options: MapOptions, *, thin: float, has_outside: bool) -> Plan:
@@ -154,7 +138,6 @@ def _traced(is_floor: BoolArray, picture: Picture, options: MapOptions, *, thin:
         walls = frame.buffer(unit).difference(shapely().union_all(floors)).simplify(0.3 * unit)
         thick = walls.buffer(-thin / 2.0, join_style="mitre").buffer(thin / 2.0, join_style="mitre")
         floors = polygons_of(frame.difference(thick))
-    tolerance = options.tolerance or unit / 2.0
     border = frame.exterior.buffer(0.75 * unit)
     inside = [floor for floor in floors if not (has_outside and floor.intersects(border))]
     outside = sum(floor.area for floor in floors) - sum(floor.area for floor in inside)
@@ -166,21 +149,14 @@ def _traced(is_floor: BoolArray, picture: Picture, options: MapOptions, *, thin:
     c, s = math.cos(picture.theta), math.sin(picture.theta)
     matrix = [c, -s, s, c, *picture.origin]
     placed = [shapely().affinity.affine_transform(floor, matrix) for floor in inside or floors]
-    wide = [part for floor in placed if floor.area > 1.0 for part in opened(floor, options.narrowest)]
-    floor = without_specks(chosen_floor(wide, options.robot_at, notes), options.smallest, notes)
-    floor, pieces = with_objects(floor, _LARGEST_OBJECT)
-    floor = straightened(floor, tolerance, options.most_walls, notes)
+    floor, pieces = finished_floor(placed, options, tolerance=unit / 2.0, largest_object=_LARGEST_OBJECT, notes=notes)
     return Plan(floor, pieces, rooms_of(floor), [], picture, notes)
 
 
 def _outlines(is_floor: BoolArray, unit: float) -> list[Any]:
     """The connected parts of a grid as polygons of shapely with holes, m; the first row is at the bottom."""
-    try:
-        contours = optional("contourpy", ConfigError)
-    except ConfigError as error:
-        raise ConfigError("maps need contourpy, which is not installed; pip install 'sonata2d[maps]'") from error
     padded = np.pad(is_floor.astype(float), 1)
-    generator = contours.contour_generator(z=padded, fill_type="OuterOffset", name="serial")
+    generator = package("contourpy").contour_generator(z=padded, fill_type="OuterOffset", name="serial")
     found = []
     for points, offsets in zip(*generator.filled(0.5, 2.0), strict=True):
         # the centre of the first cell, after one cell of padding, is at half a cell

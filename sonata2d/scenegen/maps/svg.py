@@ -12,12 +12,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from ...core.files.optional import optional
 from ...core.portable_math import Array
 from ...core.wording import one_line
 from ...errors import ConfigError
 from .drawing import UNREADABLE, DrawnShape, DrawnText, plan_of
-from .plan import MapOptions, Plan, read_map
+from .plan import MapOptions, Plan, package, read_map
 
 _NOT_DRAWN = {"defs", "symbol", "clipPath", "mask", "marker", "pattern", "metadata", "title", "desc", "style"}
 _PIECES = 16  # into which a curve is divided
@@ -65,14 +64,14 @@ class SvgDrawing:
                 if any(fnmatch(title.lower(), pattern.lower()) for pattern in patterns):
                     title = ""  # of a layer
                 name = _title(element) or _name(element) or title
-                name = f"{name}#{number}" if name else ""
+                owner = f"element {number}" if name else ""
                 lines = [
                     (matrix @ np.column_stack((line, np.ones(len(line)))).T)[:2].T for line in _lines(element, tag)
                 ]
                 if lines and not _is_clear(style.get("fill", "black"), style.get("fill-opacity")):
-                    shapes.append(DrawnShape(lines[0], layers, name, True, tuple(lines[1:])))
+                    shapes.append(DrawnShape(lines[0], layers, name, owner, True, tuple(lines[1:])))
                 else:
-                    shapes += [DrawnShape(line, layers, name) for line in lines]
+                    shapes += [DrawnShape(line, layers, name, owner) for line in lines]
         except RecursionError as error:
             raise ConfigError(f"{path.name}: groups are nested too deeply") from error
         clones = sum(_tag(element) == "use" for element in root.iter())
@@ -96,7 +95,7 @@ def _elements(
     if transform := element.get("transform"):
         try:
             with warnings.catch_warnings(action="error"):
-                matrix = matrix @ np.array(_paths().parser.parse_transform(transform))
+                matrix = matrix @ np.array(package("svgpathtools.parser").parse_transform(transform))
         except (Warning, *UNREADABLE) as error:
             raise ConfigError(f"the transform {transform[:60]!r} of the drawing cannot be read") from error
     names = {element.get("id"), element.get(_LABEL), *(element.get("class") or "").split()}
@@ -135,7 +134,7 @@ def _title(element: Any) -> str:
 
 def _lines(element: Any, tag: str) -> list[Array]:
     """The lines of an element in its own coordinates, (K, 2) each."""
-    conversions, values = _paths().svg_to_paths, element.attrib
+    conversions, values = package("svgpathtools.svg_to_paths"), element.attrib
     try:
         if tag == "path":
             text = values.get("d", "")
@@ -152,7 +151,7 @@ def _lines(element: Any, tag: str) -> list[Array]:
             )
         else:
             return []
-        parts = _paths().parse_path(text).continuous_subpaths() if text.strip() else []
+        parts = package("svgpathtools").parse_path(text).continuous_subpaths() if text.strip() else []
     except UNREADABLE as error:
         name = f"{tag} {element.get('id') or ''}".strip()
         raise ConfigError(f"the {name} of the drawing cannot be read: {one_line(error, 200)}") from error
@@ -166,16 +165,6 @@ def _lines(element: Any, tag: str) -> list[Array]:
         if len(line) > 1 and np.ptp(line, axis=0).max() > 0.0:
             found.append(line)
     return found
-
-
-def _paths() -> Any:
-    try:
-        package = optional("svgpathtools", ConfigError)
-        for module in ("parser", "svg_to_paths"):
-            optional(f"svgpathtools.{module}", ConfigError)
-    except ConfigError as error:
-        raise ConfigError("SVG drawings need svgpathtools; pip install 'sonata2d[maps]'") from error
-    return package
 
 
 def _tag(element: Any) -> str:

@@ -11,10 +11,12 @@ from pydantic import AfterValidator, Field, model_validator
 from ...core.bounds import NotNegative, Number
 from ...core.files.limits import MAX_COUNT
 from ...core.geometry import Barriers, Point, inside_polygon, segments_cross
+from ...core.portable_math import Array
 from ...registry import ROOM_KINDS
 from .base import Entities, IntRange, Range, Settings, TupleOf, require_registered, weights_of, within
 from .problems import setting_error
 
+_TOUCHING = 1e-3  # m, gap of edges that touch
 _MIN_DOOR_WIDTH = 0.7  # m: diameter of the default robot, with its path margin on both sides
 _RoomKindName = Annotated[str, AfterValidator(partial(require_registered, ROOM_KINDS))]
 _RoomSize = Annotated[Range, within("a room's size must be above 0", 0.0, above=True)]
@@ -87,19 +89,19 @@ class RoomConfig(Settings):
     @model_validator(mode="after")
     def _check_holes(self) -> Self:
         """Check that holes lie in the polygon, apart from it and from each other."""
-        if self.holes and self.polygon is None:
+        if not self.holes:
+            return self
+        if self.polygon is None:
             raise setting_error("holes need a given room (polygon)", "holes")
-        for k, hole in enumerate(self.holes):
-            for other in (self.polygon or (), *self.holes[:k]):
-                if not _are_apart(hole, other):
-                    raise setting_error("the hole crosses or touches the outline or another hole", "holes", k)
-            corner = np.array(hole[:1], dtype=float)
-            inside = [bool(inside_polygon(corner, np.array(ring))[0]) for ring in (self.polygon or (), *self.holes[:k])]
-            if not inside[0]:
+        rings = [np.array(ring, dtype=float) for ring in (self.polygon, *self.holes)]
+        first = np.array([ring[0] for ring in rings[1:]])
+        inside = np.array([inside_polygon(first, ring) for ring in rings])  # (rings, holes)
+        for k in range(len(self.holes)):
+            if not _are_apart(_edges(rings[k + 1]), _edges(*rings[: k + 1])):
+                raise setting_error("the hole crosses or touches the outline or another hole", "holes", k)
+            if not inside[0, k]:
                 raise setting_error("the hole is outside the room", "holes", k)
-            if any(inside[1:]) or any(
-                inside_polygon(np.array(other[:1]), np.array(hole))[0] for other in self.holes[:k]
-            ):
+            if inside[1 : k + 1, k].any() or inside[k + 1, :k].any():
                 raise setting_error("a hole lies in another one", "holes", k)
         return self
 
@@ -122,18 +124,23 @@ class RoomConfig(Settings):
         return self
 
 
-def _are_apart(ring: tuple[Point, ...], other: tuple[Point, ...]) -> bool:
-    """Return whether the edges of two rings neither cross nor touch."""
-    a, b = (Barriers.of((start, end, 0.0) for start, end in zip(r, (*r[1:], r[0]), strict=True)) for r in (ring, other))
-    crosses = segments_cross(a.start, a.end, b).any()
-    return not crosses and min(float(a.gaps(b.start).min()), float(b.gaps(a.start).min())) > 1e-3
+def _edges(*rings: Array) -> Barriers:
+    """The edges of closed rings, (K, 2) each, m, as segments of radius 0."""
+    start = np.concatenate(rings)
+    return Barriers(start, np.concatenate([np.roll(ring, -1, axis=0) for ring in rings]), np.zeros(len(start)))
+
+
+def _are_apart(edges: Barriers, others: Barriers) -> bool:
+    """Return whether the edges of rings neither cross nor touch."""
+    if segments_cross(edges.start, edges.end, others).any():
+        return False
+    return min(float(edges.gaps(others.start).min()), float(others.gaps(edges.start).min())) > _TOUCHING
 
 
 def _is_simple_polygon(corners: tuple[Point, ...]) -> bool:
     """Return whether edges meet at their common corners only."""
-    next_corners = [*corners[1:], corners[0]]
-    edges = Barriers.of((a, b, 0.0) for a, b in zip(corners, next_corners, strict=True))
+    edges = _edges(np.array(corners, dtype=float))
     gaps = edges.gaps(edges.start)  # (K, K), m, edges in rows, corners in columns
     is_start = np.eye(len(corners), dtype=bool)
     gaps[is_start | np.roll(is_start, 1, axis=1)] = np.inf  # a corner lies on the two edges that it joins
-    return not (segments_cross(edges.start, edges.end, edges).any() or (gaps < 1e-3).any())
+    return not (segments_cross(edges.start, edges.end, edges).any() or (gaps < _TOUCHING).any())
