@@ -113,6 +113,7 @@ def _plugins() -> dict[str, Finding]:
         (registry.QUESTION_KINDS, "sonata2d.study.questions:question_kind"),
         (registry.OBSERVATION_PARTS, "sonata2d.gym.parts:part_named"),
         (registry.FURNITURE_TYPES, "sonata2d.registry:furniture_type"),
+        (registry.PERSON_KINDS, "sonata2d.registry:person_kind"),
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PluginWarning)  # the findings say the same

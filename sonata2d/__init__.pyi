@@ -7,6 +7,7 @@ from .agents.controllers.reactive import Orca as Orca, SocialForce as SocialForc
 from .core.entities import Door as Door, Place as Place, Queue as Queue
 from .core.furniture_types import FurnitureType as FurnitureType
 from .core.geometry import Pose as Pose, Twist as Twist
+from .core.person_kinds import PersonKind as PersonKind
 from .core.portable_math import Array as Array
 from .core.proxemics import (
     INTIMATE_DISTANCE as INTIMATE_DISTANCE,

@@ -26,6 +26,7 @@ from typing import Any
 from .core.code_hash import code_sha256
 from .core.files import interruption
 from .core.furniture_types import BUILT_IN, FurnitureType
+from .core.person_kinds import BUILT_IN as BUILT_IN_PERSONS, PersonKind
 from .core.wording import described, shown
 from .errors import ConfigError, ControllerError, MetricError, PluginWarning, RecordError, Sonata2dError
 
@@ -300,6 +301,14 @@ FURNITURE_TYPES = Registry(
 )
 
 
+PERSON_KINDS = Registry(
+    "person kind",
+    "sonata2d.person_kinds",
+    {kind.name: f"sonata2d.core.person_kinds:{kind.name.upper()}" for kind in BUILT_IN_PERSONS},
+    ConfigError,
+)
+
+
 def drive_class(name: str) -> Any:
     """Load the class of a drive by name, a subclass of `sonata2d.agents.Drive`.
 
@@ -334,6 +343,25 @@ def furniture_type(name: str) -> FurnitureType:
     return kind
 
 
+def person_kind(name: str) -> PersonKind:
+    """Load a kind of person by name.
+
+    Returns:
+        The kind; for a name that is not registered, as of a file from elsewhere, one without properties of its own.
+
+    Raises:
+        ConfigError: the plug-in does not load, or its kind has another name.
+    """
+    if name not in PERSON_KINDS:
+        return PersonKind(name)
+    kind: PersonKind = PERSON_KINDS.load(
+        name, lambda item: None if isinstance(item, PersonKind) else "is not a sonata2d.PersonKind(...)"
+    )
+    if kind.name != name:
+        raise ConfigError(f"person kind {name!r} is named {kind.name!r}; give the entry point the same name")
+    return kind
+
+
 def furniture_types() -> dict[str, FurnitureType]:
     """All types of furniture by name; a plug-in that does not load is skipped with a `PluginWarning`."""
     kinds = {kind.name: kind for kind in BUILT_IN}
@@ -349,7 +377,7 @@ _REGISTRIES = {
     registry.kind: registry
     for registry in (
         *(CONTROLLERS, PEDESTRIAN_MODELS, DRIVES, SENSORS, FORMATS, METRICS, ROOM_KINDS),
-        *(QUESTION_KINDS, OBSERVATION_PARTS, FURNITURE_TYPES),
+        *(QUESTION_KINDS, OBSERVATION_PARTS, FURNITURE_TYPES, PERSON_KINDS),
     )
 }
 

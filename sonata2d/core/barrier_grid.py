@@ -21,6 +21,7 @@ from .compiled.scalar import (
     clipped,
     crosses,
     gap,
+    half_line,
     inverse_square,
     line_gap,
     to_line,
@@ -357,16 +358,17 @@ def outline_gap(
         solids: barriers.
         x, y: position, m.
         body_x, body_y: unit vector of the heading.
-        radius, shoulder: half the depth of the body, and half the length of the shoulder line, m.
+        radius, shoulder: of its body, m; see `Humans`.
         limit: m, of the gap: barriers that are farther away are not looked for.
     """
-    grid, nearest, along_x, along_y = solids.grid, limit + radius, -body_y * shoulder, body_x * shoulder
-    reach = nearest + shoulder
+    grid, nearest, half = solids.grid, limit + radius, abs(shoulder)
+    along_x, along_y = half_line(body_x, body_y, shoulder)
+    reach = nearest + half
     low, high = row_of(grid, y - reach), row_of(grid, y + reach)
     for column in range(column_of(grid, x - reach), column_of(grid, x + reach) + 1):
         for n in range(grid.first[column * grid.rows + low], grid.first[column * grid.rows + high + 1]):
             k = grid.item[n]
-            if gap(solids.table, k, x, y) - shoulder < nearest:
+            if gap(solids.table, k, x, y) - half < nearest:
                 distance = line_gap(solids.table, k, x + along_x, y + along_y, x - along_x, y - along_y)
                 nearest = min(nearest, distance)
     return nearest - radius

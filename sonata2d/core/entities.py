@@ -25,6 +25,7 @@ _HALF_BODY = 0.25  # m, from the side of a door to the centre of a pedestrian
 PERSON_RADIUS = 0.14  # m, half the depth of a body
 PERSON_BREADTH = 0.45  # m, from shoulder to shoulder
 DEFAULT_MODEL = "sonata2026"
+DEFAULT_KIND = "adult"  # of persons
 DEFAULT_CONTROLLER = "social-planner"  # of robots besides the first one
 
 
@@ -199,11 +200,18 @@ class Human:
         queue: id of the queue in which a wandering pedestrian stands at the start; the nearer one to its head is first.
         breadth: of the shoulders, m. The solid outline, from which contacts, clearances, drawings and metrics are
             computed, is all within `radius` of the shoulder line, which is `breadth` - 2 `radius` long and lies across
-            the heading; a disc if `breadth` is not more than 2 `radius`.
+            the heading; a disc if `breadth` is not more than 2 `radius`. Of a body with a `length` this line lies along
+            the heading.
         headway: factor of the time gap that the pedestrian keeps to those ahead.
         politeness: factor of the strength with which the pedestrian avoids others.
         pre_movement: time for which the pedestrian stands before it walks for the first time, s.
         reaction_time: from the moment at which a robot comes into view until the pedestrian reacts to it, s.
+        kind: name of the kind of person, such as adult, child or wheelchair.
+        length: of a body that is longer than broad, m, along its heading, such as of a person in a wheelchair; the
+            shoulder line is then `length` - 2 `radius` long and lies along the heading, and `breadth` is 2 `radius`.
+            0: the body is not longer than broad.
+        side_steps: whether the pedestrian can move sideways. One that cannot, because it is on wheels or pushes a cart,
+            moves along its heading only, and turns to where it wants to go.
     """
 
     id: Id
@@ -230,11 +238,14 @@ class Human:
     politeness: NotNegative = 1.0
     pre_movement: NotNegative = field(default=0.0, metadata=ADDITIVE)
     reaction_time: NotNegative = field(default=0.0, metadata=ADDITIVE)
+    kind: str = field(default=DEFAULT_KIND, metadata=ADDITIVE)
+    length: NotNegative = field(default=0.0, metadata=ADDITIVE)
+    side_steps: bool = field(default=True, metadata=ADDITIVE)
 
     @property
     def shoulder(self) -> float:
-        """Half the length of the shoulder line, m; 0 for a disc."""
-        return max(self.breadth / 2 - self.radius, 0.0)
+        """Half the length of the shoulder line, m; negative if it lies along the heading, 0 for a disc."""
+        return half_shoulder_line(self.radius, self.breadth, self.length)
 
     @property
     def shape(self) -> Stadium:
@@ -260,6 +271,15 @@ class Human:
             object.__setattr__(self, "reaction", "ignores")
         elif self.reaction == "ignores":
             object.__setattr__(self, "reacts_to_robot", 0.0)
+
+
+def half_shoulder_line(radius: float, breadth: float, length: float) -> float:
+    """Half the length of the shoulder line of a body, m; negative if it lies along the heading, 0 for a disc.
+
+    Args:
+        radius, breadth, length: see `Human`, m.
+    """
+    return radius - length / 2 if length > 2.0 * radius else max(breadth / 2 - radius, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

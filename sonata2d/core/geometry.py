@@ -220,10 +220,10 @@ class Rectangle(Outline):
 
 @dataclass(frozen=True, slots=True)
 class Stadium(Outline):
-    """The outline of a person: all points within `radius` of a line across the heading; m.
+    """The outline of a person: all points within `radius` of a line through its centre; m.
 
     Attributes:
-        shoulder: half the length of the line, m; 0 gives a disc.
+        shoulder: half the length of the line, m, across the heading; negative: along the heading; 0 gives a disc.
     """
 
     radius: float
@@ -231,6 +231,8 @@ class Stadium(Outline):
 
     @property
     def core(self) -> tuple[Point, ...]:
+        if self.shoulder < 0.0:
+            return (self.shoulder, 0.0), (-self.shoulder, 0.0)
         return (0.0, self.shoulder), (0.0, -self.shoulder)
 
     @property
@@ -239,12 +241,7 @@ class Stadium(Outline):
 
     @property
     def circumradius(self) -> float:
-        return self.radius + self.shoulder
-
-    def corners(self, pose: Pose) -> list[Point]:
-        c, s = pose.direction
-        dx, dy = -s * self.shoulder, c * self.shoulder
-        return [(pose.x + dx, pose.y + dy), (pose.x - dx, pose.y - dy)]
+        return self.radius + abs(self.shoulder)
 
 
 @dataclass(frozen=True, slots=True)
@@ -430,12 +427,12 @@ def shoulder_lines(position: Array, direction: Array, shoulder: Array | float) -
     Args:
         position: (..., 2), m.
         direction: (..., 2), unit vectors of the headings.
-        shoulder: (...), half the length of the lines, m.
+        shoulder: (...), half the length of the lines, m; see `Humans.shoulder`.
 
     Returns:
-        Left ends and right ends, (..., 2) each, m.
+        Left ends and right ends, (..., 2) each, m; of lines along the heading, rear ends and front ends.
     """
-    half = np.asarray(shoulder)
+    direction, half = _across(direction, shoulder)
     left = np.stack((-direction[..., Y] * half, direction[..., X] * half), axis=-1)
     return position + left, position - left
 
@@ -445,12 +442,22 @@ def to_shoulder_line(offset: Array, direction: Array, shoulder: Array | float) -
 
     Args:
         offset: (..., 2), m, from the points to the middles of the lines.
-        direction: (..., 2), unit vectors of the headings, to which the lines are perpendicular.
-        shoulder: (...), half the length of the lines, m.
+        direction: (..., 2), unit vectors of the headings.
+        shoulder: (...), half the length of the lines, m; see `Humans.shoulder`.
     """
+    direction, half = _across(direction, shoulder)
     bx, by = direction[..., X], direction[..., Y]
-    along = np.clip(bx * offset[..., Y] - by * offset[..., X], -np.asarray(shoulder), shoulder)
+    along = np.clip(bx * offset[..., Y] - by * offset[..., X], -half, half)
     return np.stack((offset[..., X] + along * by, offset[..., Y] - along * bx), axis=-1)
+
+
+def _across(direction: Array, shoulder: Array | float) -> tuple[Array, Array]:
+    """Unit vectors across shoulder lines, (..., 2), and half the length of the lines, (...), m."""
+    half = np.asarray(shoulder)
+    if not (half < 0.0).any():
+        return direction, half
+    turned = np.stack((-direction[..., Y], direction[..., X]), axis=-1)
+    return np.where((half < 0.0)[..., None], turned, direction), np.abs(half)
 
 
 def shoulder_line_distances(
@@ -461,8 +468,10 @@ def shoulder_line_distances(
     Args:
         offset: (..., 2), m, from the middle of the first line to the middle of the other one.
         direction, other_direction: (..., 2), unit vectors of the headings.
-        shoulder, other_shoulder: (...), half the length of the lines, m.
+        shoulder, other_shoulder: (...), half the length of the lines, m; see `Humans.shoulder`.
     """
+    direction, shoulder = _across(direction, shoulder)
+    other_direction, other_shoulder = _across(other_direction, other_shoulder)
     ends = shoulder_lines(np.zeros_like(offset), direction, shoulder)
     other_ends = shoulder_lines(offset, other_direction, other_shoulder)
     # Unless two segments cross, they are nearest at an end of one of them.
@@ -484,7 +493,7 @@ def contact_times(
         relative_velocity: (..., 2), m/s, velocity of the disc minus velocity of the person.
         radii: (...), m, sum of both radii.
         direction: (..., 2), unit vectors of the people's headings.
-        shoulder: (...), half the length of the shoulder lines, m; with 0 the outlines are discs.
+        shoulder: (...), half the length of the shoulder lines, m; see `Humans.shoulder`.
 
     Returns:
         (...), s; 0 where they overlap, infinite where they never touch.
@@ -492,7 +501,7 @@ def contact_times(
     Source: the outline widened by the disc's radius consists of two discs around the ends of the shoulder line, for
     which see `disc_contact_times`, and of a rectangle between them.
     """
-    half = np.asarray(shoulder)
+    direction, half = _across(direction, shoulder)
     left, right = shoulder_lines(offset, direction, half)
     times = np.minimum(
         disc_contact_times(left, relative_velocity, radii), disc_contact_times(right, relative_velocity, radii)

@@ -10,7 +10,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .entities import Human, Interaction
+from .entities import DEFAULT_KIND, Human, Interaction, half_shoulder_line
 from .geometry import Point, Pose
 from .portable_math import Array, IntArray, angle_of, arctan2
 from .relations import ACTIVITIES, ACTIVITY, RELATION, WALKING_TOGETHER
@@ -38,6 +38,8 @@ class HumanState:
         radius: half the depth of the body, m.
         breadth: of the shoulders, m.
         activity: one of `ACTIVITIES`.
+        length: of a body that is longer than broad, m, along its heading; 0 for others.
+        kind: name of the kind of person.
     """
 
     id: int
@@ -48,11 +50,13 @@ class HumanState:
     radius: float
     breadth: float
     activity: str
+    length: float = 0.0
+    kind: str = DEFAULT_KIND
 
     @property
     def shoulder(self) -> float:
-        """Half the length of the shoulder line, m; 0 for a disc."""
-        return max(self.breadth / 2 - self.radius, 0.0)
+        """Half the length of the shoulder line, m; see `Humans.shoulder`."""
+        return half_shoulder_line(self.radius, self.breadth, self.length)
 
 
 @dataclass(frozen=True, repr=False)
@@ -68,8 +72,10 @@ class Humans:
         id: (N,) of int.
         radius: (N,), half the depth of each body, m.
         shoulder: (N,), half the length of the shoulder line, m, which lies across the heading; the outline is all
-            within the radius of this line. 0 for a disc.
+            within the radius of this line. 0 for a disc. Of a body that is longer than broad, such as of a wheelchair
+            user, it is negative, and the line lies along the heading.
         activity_index: (N,) of int, into `relations.ACTIVITIES`.
+        kind: (N,) of str, names of the kinds of persons.
         row: (N,) of int, index of each pedestrian in `scene.humans`; None: all pedestrians are present.
     """
 
@@ -78,6 +84,7 @@ class Humans:
     radius: Array
     shoulder: Array
     activity_index: IntArray
+    kind: NDArray[np.str_]
     row: IntArray | None = None
 
     def select(self, rows: IntArray) -> Humans:
@@ -92,7 +99,7 @@ class Humans:
         if len(rows) == len(self):
             return self
         constant = self.id[rows], self.radius[rows], self.shoulder[rows]
-        columns = self.state[rows], *constant, self.activity_index[rows], np.asarray(rows)
+        columns: Any = self.state[rows], *constant, self.activity_index[rows], self.kind[rows], np.asarray(rows)
         for column in columns:
             column.flags.writeable = False
         return Humans(*columns)
@@ -164,8 +171,10 @@ class Humans:
             omega=row[OMEGA],
             head=angle_of(row[GAZE_Y], row[GAZE_X]),
             radius=float(self.radius[index]),
-            breadth=2.0 * float(self.radius[index] + self.shoulder[index]),
+            breadth=2.0 * float(self.radius[index] + max(self.shoulder[index], 0.0)),
             activity=ACTIVITIES[int(self.activity_index[index])],
+            length=2.0 * float(self.radius[index] - self.shoulder[index]) if self.shoulder[index] < 0.0 else 0.0,
+            kind=str(self.kind[index]),
         )
 
     def __iter__(self) -> Iterator[HumanState]:
@@ -186,9 +195,10 @@ class HumanTable:
         id: (N,) of int.
         position: (N, 2), m, at the start or on entering, world frame.
         radius: (N,), m, half the depth of the bodies.
-        shoulder: (N,), m, half the length of the shoulder lines.
+        shoulder: (N,), m, half the length of the shoulder lines; see `Humans.shoulder`.
         circumradius: (N,), m, of the circles around the bodies.
         desired_speed: (N,), m/s.
+        kind: (N,) of str.
         row: index of the row of each id.
     """
 
@@ -198,6 +208,7 @@ class HumanTable:
     shoulder: Array
     circumradius: Array
     desired_speed: Array
+    kind: NDArray[np.str_]
     row: dict[int, int]
 
     @classmethod
@@ -211,13 +222,14 @@ class HumanTable:
         return cls(
             id=frozen(np.array(ids, dtype=np.int64)),
             position=frozen(table[:, 4:].copy()),
+            kind=frozen(np.array([human.kind for human in humans], dtype=np.str_)),
             row={id: k for k, id in enumerate(ids)},
             **columns,
         )
 
     def with_state(self, state: Array, activity: IntArray) -> Humans:
         """The humans in a state, (N, 9), with activities, (N,) of int; the arrays are not copied."""
-        return Humans(state, self.id, self.radius, self.shoulder, activity)
+        return Humans(state, self.id, self.radius, self.shoulder, activity, self.kind)
 
 
 def activities_of_present(activity: IntArray, ids: IntArray, interactions: Iterable[Interaction]) -> IntArray:

@@ -28,7 +28,7 @@ from .compiled.scalar import (
     quantised,
     unit_vector,
 )
-from .geometry import MOST_CORNERS, Pose, Shape
+from .geometry import MOST_CORNERS, Outline, Pose, Shape
 from .portable_math import Array
 from .vectors import X, Y
 
@@ -43,7 +43,7 @@ Line = tuple[float, float, float, float]  # start and end, m
 _FILL = (0.0,) * (2 * MOST_CORNERS)
 
 
-def outline_row(shape: Shape, pose: Pose, wall_gap: float = 0.0) -> OutlineRow:
+def outline_row(shape: Outline, pose: Pose, wall_gap: float = 0.0) -> OutlineRow:
     """An outline as a row of COLUMNS numbers for kernels.
 
     Args:
@@ -68,7 +68,7 @@ def side_lines(shape: Shape, position: Array, direction: Array) -> Array:
     return np.stack(ends, axis=-1)
 
 
-def shape_gap(shape: Shape, pose: Pose, other: Shape, other_pose: Pose) -> float:
+def shape_gap(shape: Outline, pose: Pose, other: Outline, other_pose: Pose) -> float:
     """Gap between the outlines of two shapes at their poses, m; 0 where they touch or overlap."""
     return float(_pair_gap(np.array([outline_row(shape, pose)]), 0, np.array([outline_row(other, other_pose)]), 0))
 

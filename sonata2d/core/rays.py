@@ -10,7 +10,7 @@ import numpy as np
 from .barrier_grid import Solids, column_of, rows_near_line
 from .compiled.kernel import kernel, subroutine
 from .compiled.packing import unpack
-from .compiled.scalar import Vector, length
+from .compiled.scalar import Vector, half_line, length
 from .humans import BODY_X, BODY_Y, X, Y
 from .portable_math import Array, BoolArray, IntArray
 from .state import HUMAN_SIZE, ROBOT_SIZE
@@ -49,8 +49,8 @@ def visible(
         for end in range(-ends, ends + 1):
             if itself >= 0:
                 at = ROBOT_SIZE + HUMAN_SIZE * itself
-                side = end * shoulder[itself]
-                dx, dy = row[at + X] - side * row[at + BODY_Y] - x, row[at + Y] + side * row[at + BODY_X] - y
+                sx, sy = half_line(row[at + BODY_X], row[at + BODY_Y], shoulder[itself])
+                dx, dy = row[at + X] + end * sx - x, row[at + Y] + end * sy - y
             else:
                 piece = object_rows[k - len(human_rows)]
                 dx, dy = objects[piece, 0] - x, objects[piece, 1] - y
@@ -85,7 +85,7 @@ def fill_bodies(row: Array, is_present: BoolArray, radius: Array, shoulder: Arra
     for k in range(len(is_present)):
         if is_present[k]:
             at = ROBOT_SIZE + HUMAN_SIZE * k
-            sx, sy = -row[at + BODY_Y] * shoulder[k], row[at + BODY_X] * shoulder[k]
+            sx, sy = half_line(row[at + BODY_X], row[at + BODY_Y], shoulder[k])
             lines[count, 0], lines[count, 1] = row[at + X] - sx, row[at + Y] - sy
             lines[count, 2], lines[count, 3], lines[count, 4] = row[at + X] + sx, row[at + Y] + sy, radius[k]
             count += 1
@@ -190,7 +190,7 @@ def _range_to_body(row: Array, k: int, radius: float, shoulder: float, ux: float
     """Range of a ray from the robot's centre to the outline of pedestrian k, m."""
     at = ROBOT_SIZE + HUMAN_SIZE * k
     dx, dy = row[at + X] - row[X], row[at + Y] - row[Y]
-    sx, sy = -row[at + BODY_Y] * shoulder, row[at + BODY_X] * shoulder
+    sx, sy = half_line(row[at + BODY_X], row[at + BODY_Y], shoulder)
     return _range_to_capsule(ux, uy, dx - sx, dy - sy, dx + sx, dy + sy, radius)
 
 

@@ -312,7 +312,14 @@ def _ids_at(document: JsonDict, robot: int, tick: int) -> SimpleNamespace:
     activity = document["frames"][tick]["activity"]
     ids = [human["id"] for human, each in zip(document["humans"], activity, strict=True) if each != ABSENT]
     zeros = np.zeros(len(ids))
-    humans = Humans(np.zeros((len(ids), HUMAN_SIZE)), np.array(ids, dtype=int), zeros, zeros, zeros.astype(int))
+    humans = Humans(
+        np.zeros((len(ids), HUMAN_SIZE)),
+        np.array(ids, dtype=int),
+        zeros,
+        zeros,
+        zeros.astype(int),
+        np.zeros(len(ids), str),
+    )
     robots = [ROBOT_ID, *(other["id"] for other in document.get("robots") or ())]
     return SimpleNamespace(humans=humans, robots=[SimpleNamespace(id=id) for k, id in enumerate(robots) if k != robot])
 

@@ -2,30 +2,72 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from ..core.entities import Behaviour, Human
+from ..core.entities import DEFAULT_KIND, Behaviour, Human
 from ..core.geometry import Pose, quantised
+from ..core.person_kinds import PersonKind
 from ..core.rng import RandomStream
+from ..registry import person_kind
 from .scenario.people import PersonSpec
 from .scenario.sections import PersonConfig
+
+_DRAWN = ("radius", "breadth", "desired_speed", "headway", "politeness")  # the order is part of what a seed means
+
+
+def draw_kind(person: PersonConfig, rng: RandomStream) -> PersonKind:
+    """Draw a kind of person by the section `person`; without weights, or with a single one, nothing is drawn."""
+    weights = {name: weight for name, weight in (person.kinds or {DEFAULT_KIND: 1.0}).items() if weight > 0.0}
+    names = list(weights)
+    return person_kind(names[0] if len(names) == 1 else rng.choice(names, list(weights.values())))
+
+
+def largest_radius(person: PersonConfig) -> float:
+    """Largest radius of the circles around the outlines of the kinds of persons that are drawn, m; 0 for adults."""
+    return max((person_kind(name).widest for name, weight in (person.kinds or {}).items() if weight > 0.0), default=0.0)
+
+
+def who_sits(person: PersonConfig) -> PersonConfig:
+    """The section `person` with the kinds of persons that sit down on seats; adults if there are no others."""
+    sits = {name: weight for name, weight in (person.kinds or {}).items() if person_kind(name).side_steps}
+    return person.model_copy(update={"kinds": sits if sum(sits.values()) > 0.0 else None})
+
+
+def body_of_kind(kind: PersonKind, drawn: Mapping[str, float], rng: RandomStream) -> dict[str, Any]:
+    """Replace the drawn properties of a person by those of its kind.
+
+    Args:
+        kind: of the person.
+        drawn: by the section `person`: radius, breadth, desired_speed, headway, politeness.
+        rng: random stream of the sizes and the speed of the kind; adults take no random number.
+
+    Returns:
+        Fields of `Human` by name.
+    """
+    values: dict[str, Any] = dict(drawn)
+    if kind.depth is not None:
+        values["radius"] = rng.uniform(*kind.depth) / 2
+    if kind.breadth is not None:
+        values["breadth"] = rng.uniform(*kind.breadth)
+    if kind.length is not None:
+        values["radius"], values["length"] = values["breadth"] / 2, rng.uniform(*kind.length)
+    if kind.desired_speed is not None:
+        values["desired_speed"] = rng.normal(*kind.desired_speed)
+    values["headway"] *= kind.headway
+    return {name: quantised(value) for name, value in values.items()} | {
+        "kind": kind.name, "side_steps": kind.side_steps
+    }  # fmt: skip
 
 
 def draw_human(person: PersonConfig, behaviour: Behaviour, pose: Pose, rng: RandomStream) -> Human:
     """Draw a pedestrian by the section `person`; its id is 0, and its reaction is not drawn."""
-    return Human(
-        id=0,
-        pose=pose,
-        radius=quantised(person.radius.draw(rng)),
-        breadth=quantised(person.breadth.draw(rng)),
-        desired_speed=quantised(person.desired_speed.draw(rng)),
-        headway=quantised(person.headway.draw(rng)),
-        politeness=quantised(person.politeness.draw(rng)),
-        behaviour=behaviour,
-        model=person.model,
-        reacts_to_robot=0.0 if rng.uniform() < person.ignores_robot else 1.0,
-    )
+    kind = draw_kind(person, rng)
+    drawn = {key: getattr(person, key).draw(rng) for key in _DRAWN}
+    fields = body_of_kind(kind, drawn, rng)
+    reacts = 0.0 if rng.uniform() < person.ignores_robot else 1.0
+    return Human(id=0, pose=pose, behaviour=behaviour, model=person.model, reacts_to_robot=reacts, **fields)
 
 
 class ReactionSampler:

@@ -19,9 +19,10 @@ from ..core.vectors import length
 from ..core.wording import counted
 from ..errors import SceneError
 from .floor_plans import FloorPlan
-from .human_sampling import ReactionSampler, draw_human
+from .human_sampling import ReactionSampler, draw_human, largest_radius, who_sits
 from .numbering import free_ids
 from .placement import Layout, PlacedShape
+from .sampling import LARGEST_ADULT
 from .scenario.base import Range
 from .scenario.config import ScenarioConfig
 from .scenario.sections import DoorConfig, QueueConfig
@@ -108,6 +109,7 @@ class _Planner:
         self.zones: list[PlacedShape] = []
         self.doors: dict[int, Door] = {}
         self.queues: dict[int, Queue] = {}
+        self._body = largest_radius(layout.config.person)  # m, of kinds of persons with sizes of their own
         # start, end and length of the edges of the outline, counter-clockwise, m
         corners = (*self._plan.polygon, self._plan.polygon[0])
         self._edges = [(a, b, length(b[0] - a[0], b[1] - a[1])) for a, b in pairwise(corners)]
@@ -118,7 +120,7 @@ class _Planner:
             door = Door(k + 1, pose, quantised(config.width), quantised(config.share))
             if self._fits(door):
                 self.doors[k] = door
-                self._keep_free(_door_zone(door))
+                self._keep_free(self._door_zone(door))
                 return
         if config.x is not None:
             raise SceneError(
@@ -164,7 +166,16 @@ class _Planner:
             length(door.pose.x - other.pose.x, door.pose.y - other.pose.y) - (door.width + other.width) / 2
             for other in self.doors.values()
         )
-        return all(spacing > _DOOR_SPACING for spacing in spacings) and self._is_free(_door_zone(door))
+        return all(spacing > _DOOR_SPACING for spacing in spacings) and self._is_free(self._door_zone(door))
+
+    def _door_zone(self, door: Door) -> PlacedShape:
+        """The space in front of a door, in which pedestrians appear."""
+        depth, width = _DOOR_ZONE, door.width
+        if self._body > LARGEST_ADULT:
+            depth = max(depth, _ENTRY_DEPTH - LARGEST_ADULT + 2.0 * self._body)
+            width += 2.0 * LARGEST_ADULT
+        x, y = door.pose.to_world((0.02 + depth / 2, 0.0))
+        return Rectangle(depth, width), Pose(x, y, door.pose.theta)
 
     def _is_free(self, zone: PlacedShape) -> bool:
         return self._layout.is_free(*zone, _GAP, _GAP)
@@ -176,9 +187,10 @@ class _Planner:
     def place_queue(self, k: int, config: QueueConfig, waiting: int) -> None:
         """Place a queue at its position, or at a random wall; its capacity is the number of slots with space."""
         best: Queue | None = None
+        spacing = max(config.spacing, 2.0 * self._body + _GAP)
         for pose in self._queue_poses(config):
             queue = self._with_space(
-                Queue(k + 1, pose.rounded(), quantised(config.spacing), _rounded(config.service), config.capacity)
+                Queue(k + 1, pose.rounded(), quantised(spacing), _rounded(config.service), config.capacity)
             )
             if queue.capacity >= max(waiting, 1) and (best is None or queue.capacity > best.capacity):
                 best = queue
@@ -206,12 +218,13 @@ class _Planner:
         for _ in range(self._attempts):
             start, end, size = self._rng.choice(self._edges, [edge[2] for edge in self._edges])
             wall = _pose_on(start, end, self._rng.uniform(0.0, size))
-            yield Pose(*wall.to_world((_WALL_GAP, 0.0)), wall.theta + PI)
+            yield Pose(*wall.to_world((max(_WALL_GAP, self._body + 2.0 * _GAP), 0.0)), wall.theta + PI)
 
     def _with_space(self, queue: Queue) -> Queue:
         """The queue with the number of its slots that are free as its capacity."""
         free = 0
-        while free < queue.capacity and self._is_free((Disc(_SLOT_RADIUS), Pose(*queue.slot(free)))):
+        slot = Disc(max(_SLOT_RADIUS, self._body))
+        while free < queue.capacity and self._is_free((slot, Pose(*queue.slot(free)))):
             free += 1
         return replace(queue, capacity=free)
 
@@ -222,11 +235,6 @@ def _pose_on(start: Point, end: Point, along: float) -> Pose:
     size = length(dx, dy)
     x, y = start[0] + dx * (along / size), start[1] + dy * (along / size)
     return Pose(quantised(x), quantised(y), canonical_angle(angle_of(dx, -dy)))
-
-
-def _door_zone(door: Door) -> PlacedShape:
-    x, y = door.pose.to_world((0.02 + _DOOR_ZONE / 2, 0.0))
-    return Rectangle(_DOOR_ZONE, door.width), Pose(x, y, door.pose.theta)
 
 
 def _queue_zone(queue: Queue) -> PlacedShape:
@@ -301,7 +309,7 @@ def _seated(scene: Scene, config: ScenarioConfig, rng: RandomStream) -> Iterator
     for k, piece in rng.shuffled(seats)[:count]:
         x, y = piece.front
         pose = Pose(*piece.pose.position, canonical_angle(angle_of(y, x)))
-        yield replace(draw_human(config.person, "wandering", pose, rng), seat=k)
+        yield replace(draw_human(who_sits(config.person), "wandering", pose, rng), seat=k)
 
 
 def _waiting(config: ScenarioConfig, journeys: Journeys, rng: RandomStream) -> Iterator[Human]:
@@ -336,8 +344,10 @@ def _arrivals(config: ScenarioConfig, doors: Sequence[Door], last_tick: int, rng
 
 def _entering(config: ScenarioConfig, door: Door, spot: Point, tick: int, rng: RandomStream) -> Human:
     """A pedestrian that walks in through a door, at a place relative to the door's pose."""
-    pose = Pose(*door.pose.to_world(spot), door.pose.theta).rounded()
-    human = draw_human(config.person, "wandering", pose, rng)
+    human = draw_human(config.person, "wandering", Pose(0.0, 0.0), rng)
+    ahead = spot[0] + max(human.shape.circumradius - LARGEST_ADULT, 0.0)  # a long body appears farther inside
+    pose = Pose(*door.pose.to_world((ahead, spot[1])), door.pose.theta).rounded()
+    human = replace(human, pose=pose)
     x, y = door.pose.direction
     velocity = quantised(human.desired_speed * x), quantised(human.desired_speed * y)
     return replace(human, enters=tick, velocity=velocity)

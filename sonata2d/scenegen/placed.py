@@ -11,9 +11,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..core.entities import Furniture, Group, Human, Interaction
+from ..core.entities import DEFAULT_KIND, Furniture, Group, Human, Interaction
 from ..core.files.limits import MAX_TRACK_POINTS
-from ..core.geometry import Barriers, Disc, Point, Pose, canonical_angle, quantised
+from ..core.geometry import Barriers, Disc, Point, Pose, Stadium, canonical_angle, quantised
 from ..core.navigation import FreeSpace
 from ..core.outlines import outline_row, shape_gap
 from ..core.portable_math import PI, angle_of
@@ -21,7 +21,9 @@ from ..core.relations import TALKING, WALKING_TOGETHER
 from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..errors import SceneError
+from ..registry import person_kind
 from .floor_plans import FloorPlan
+from .human_sampling import body_of_kind, draw_kind
 from .numbering import NumberedEntities, free_ids
 from .pieces import faces_ahead
 from .placement import Layout
@@ -218,11 +220,13 @@ def _create_human(spec: PersonSpec, id: int, defaults: PersonConfig, dt: float, 
     keys = ("desired_speed", "radius", "breadth", "headway", "politeness")
     drawn = {key: getattr(defaults, key).draw(rng) for key in keys}
     ignores = rng.uniform() < defaults.ignores_robot
+    is_adult = spec.kind is None and spec.resolved_behaviour == "recorded"
+    kind = person_kind(spec.kind or DEFAULT_KIND) if spec.kind or is_adult else draw_kind(defaults, rng)
+    properties: Any = body_of_kind(kind, drawn, rng)
     for key in ("radius", "breadth", "desired_speed", "headway", "politeness"):
         value = getattr(spec, key)
         if value is not None:
-            drawn[key] = value.draw(rng) if isinstance(value, Range) else value
-    properties: Any = {key: quantised(value) for key, value in drawn.items()}
+            properties[key] = quantised(value.draw(rng) if isinstance(value, Range) else value)
     reacts = spec.reacts_to_robot
     if reacts is None:
         # a recorded pedestrian follows its track whatever the robot does
@@ -370,9 +374,10 @@ def check_placed_positions(placed: NumberedEntities, plan: FloorPlan, robots: Se
             if robot.pose is None:
                 continue
             pose, shape = Pose(*robot.pose), robot.outline
-            dx, dy, contact = pose.x - human.pose.x, pose.y - human.pose.y, shape.circumradius + human.radius
+            core = human.shape if human.length else Disc(human.radius)  # shoulders turn away
+            dx, dy, contact = pose.x - human.pose.x, pose.y - human.pose.y, shape.circumradius + core.circumradius
             is_near = dx * dx + dy * dy < contact * contact
-            if is_near and shape_gap(shape, pose, Disc(human.radius), human.pose) == 0.0:
+            if is_near and shape_gap(shape, pose, core, human.pose) == 0.0:
                 raise SceneError(f"the robot would start on person {human.id}; give it another pose")
 
 
@@ -411,7 +416,8 @@ def _fits(person: PersonSpec, human: Human, layout: Layout) -> bool:
     if any(person.jitter):
         gap = layout.config.clearance
         return layout.is_free(Disc(human.shape.circumradius), human.pose, gap, gap)
-    body, centre = Disc(human.radius - _MAX_OVERLAP), Disc(_POINT_RADIUS)
+    radius, centre = human.radius - _MAX_OVERLAP, Disc(_POINT_RADIUS)
+    body = Stadium(radius, human.shoulder) if human.length else Disc(radius)  # shoulders turn away
     is_in_room = layout.plan.has_space([outline_row(body, human.pose, _POINT_RADIUS)])
     # the robot's start and goal do not count here, and the walls have been tested
     return is_in_room and (

@@ -17,6 +17,7 @@ from .floor_plans import FloorPlan
 from .sampling import Entity, EntityCluster, shape_of
 from .scenario.config import ScenarioConfig
 
+_SMALLEST_O_SPACE = 0.05  # m, radius that is kept free where large bodies leave less
 _TALKER_RADIUS = 0.5  # m, around each member of a talking group: space that is kept free of other entities
 _SIGHT_LINE_WIDTH = 0.1  # m, between the members of a talking pair: space that is kept free of other entities
 
@@ -112,7 +113,8 @@ class Layout:
         if not cluster.o_space:
             return True
         gap = self.config.clearance
-        o_space = Disc(cluster.o_space - max(shape_of(member).circumradius for member in cluster.members))
+        largest = max(shape_of(member).circumradius for member in cluster.members)
+        o_space = Disc(max(cluster.o_space - largest, _SMALLEST_O_SPACE))
         sight_lines = [(*pose.position, *origin.position) for pose in poses]
         return self.plan.has_space([outline_row(o_space, origin, gap)], self._rows[: self._count], gap, sight_lines)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any
 
 from ..core.entities import Behaviour, Formation, Furniture, Human
@@ -13,6 +14,7 @@ from ..core.geometry import Disc, Point, Pose, Shape
 from ..core.portable_math import PI
 from ..core.relations import ORIGINAL_RELATIONS, RELATION, TALKING, WALKING_TOGETHER, Relation
 from ..core.rng import RandomStream
+from ..core.vectors import length
 from ..registry import furniture_type, furniture_types
 from .formations import GroupLayout, talking_formation, walking_formation
 from .human_sampling import draw_human
@@ -25,6 +27,8 @@ TypeStreams = Callable[[str], RandomStream]
 
 _ORIGIN = Pose(0.0, 0.0)
 _ANY_YAW = Range(-PI, PI)
+LARGEST_ADULT = 0.25  # m, radius of the circle around the largest body by the defaults
+_BETWEEN_BODIES = 0.05  # m, between the circles around larger bodies of a group
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +165,18 @@ class _Sampler:
 
     def _add(self, relation: Relation, poses: Iterable[Pose], *furniture: Furniture, **more: Any) -> None:
         """Add a cluster of new pedestrians at poses in its frame, and of furniture; `more` are its other fields."""
-        humans = (draw_human(self.config.person, relation.behaviour, pose, self.rng) for pose in poses)
+        humans = [draw_human(self.config.person, relation.behaviour, pose, self.rng) for pose in poses]
+        largest = max(human.shape.circumradius for human in humans)
+        if largest > LARGEST_ADULT:  # in a wheelchair, with a cart
+            scale, extra = _spread(humans), largest - LARGEST_ADULT
+            for k, human in enumerate(humans):
+                x, y = human.pose.position
+                place = (scale * x, scale * y) if len(humans) > 1 else (x, y - extra if furniture else y)
+                humans[k] = replace(human, pose=Pose(*place, human.pose.theta))
+            if "o_space" in more:
+                more["o_space"] *= scale
+            if more.get("distance") is not None:
+                more["distance"] = more["distance"].shifted(extra)
         members: tuple[Entity, ...] = (*humans, *furniture)
         self.clusters.append(
             EntityCluster(**{"name": relation.title, "relation": relation.name} | more, members=members)
@@ -187,6 +202,16 @@ class _Sampler:
         if name != LAPTOP.on or not (with_laptop or self.config.laptops_on_tables):
             return (piece,)
         return piece, create_piece(self.config, LAPTOP.name, on=index)
+
+
+def _spread(humans: list[Human]) -> float:
+    """Factor by which the members of a cluster must move apart, so that their bodies do not overlap."""
+    needed = 1.0
+    for first, second in combinations(humans, 2):
+        distance = length(first.pose.x - second.pose.x, first.pose.y - second.pose.y)
+        radii = first.shape.circumradius + second.shape.circumradius + _BETWEEN_BODIES
+        needed = max(needed, radii / max(distance, 1e-3))
+    return needed
 
 
 def _draw_human_counts(config: ScenarioConfig, rng: RandomStream) -> tuple[int, int]:

@@ -45,10 +45,10 @@ class Bodies:
         self.bodies = [_body(is_recorded=is_recorded(human)) for human in scene.humans]
         chassis = [_body(ROBOT_MASS) for _ in robots]
         self.bodies += chassis
-        self._shoulders = [human.shoulder for human in scene.humans]
+        self._cores = [human.shape.core for human in scene.humans]
         self.torsos = [
-            _segment(body, (0.0, human.shoulder), (0.0, -human.shoulder), human.radius)
-            for body, human in zip(self.bodies, scene.humans, strict=False)
+            _segment(body, core[0], core[1], human.radius)
+            for body, core, human in zip(self.bodies, self._cores, scene.humans, strict=False)
         ]
         self._headings = [robot.pose.direction for robot in robots]
         self.corners = [robot.outline.core if len(robot.outline.core) > 1 else () for robot in robots]
@@ -69,8 +69,8 @@ class Bodies:
             lib.cpBodySetPosition(body, position)
             lib.cpBodySetVelocity(body, velocity)
             lib.cpBodySetForce(body, (0.0, 0.0))
-        for torso, shoulder in zip(self.torsos, self._shoulders, strict=True):
-            lib.cpSegmentShapeSetEndpoints(torso, (0.0, shoulder), (0.0, -shoulder))
+        for torso, core in zip(self.torsos, self._cores, strict=True):
+            lib.cpSegmentShapeSetEndpoints(torso, core[0], core[1])
         for (c, s), core, outline in zip(self._headings, self.corners, self.outlines, strict=True):
             corners, count = [(x * c - y * s, x * s + y * c) for x, y in core], len(core)
             for k, corner in enumerate(corners):

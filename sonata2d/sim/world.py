@@ -82,6 +82,7 @@ class World:
             maximum_speed=_speed_limits(scene, self._substeps),
             facing=np.zeros((count, 2)),
             gaze=np.zeros((count, 2)),
+            rolling=_rolling(scene),
             **self._of_robot(scene, 0, _guard(scene)),
         )
         guard = self._buffers.guard
@@ -364,6 +365,12 @@ def _speed_limits(scene: Scene, steps: int) -> Array:
     largest_step = scene.human_table.radius / (scene.rules.dt / steps)
     limits: Array = np.clip(largest_step, walking_speeds(scene), maximum_speeds(scene))
     return limits
+
+
+def _rolling(scene: Scene) -> IntArray:
+    """Indices of the pedestrians that cannot move sideways, (K,); recorded ones move as they were recorded."""
+    rolls = [k for k, h in enumerate(scene.humans) if not h.side_steps and not is_recorded(h)]
+    return np.array(rolls, dtype=np.int64)
 
 
 def _seats_at_start(scene: Scene) -> IntArray:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.geometry import Point
+from ..core.geometry import Point, Stadium
 from ..core.portable_math import Array
 from .canvas import Canvas
 from .fonts import width_of
@@ -86,9 +86,9 @@ class Brush:
         self.canvas.ring(colour, self.pixels([centre])[0], radius * self.camera.scale, self.thickness(width))
 
     def body(self, colour: Colour, radius: float, shoulder: float) -> None:
-        """Fill the outline of a person: all within `radius` of a line across, which is twice `shoulder` long; m."""
-        if shoulder > 0.0:
-            self.stroke(colour, [(0.0, shoulder), (0.0, -shoulder)], 2 * radius)
+        """Fill the outline of a person: all within `radius` of its shoulder line, see `Humans.shoulder`; m."""
+        if shoulder != 0.0:
+            self.stroke(colour, list(Stadium(radius, shoulder).core), 2 * radius)
         else:
             self.disc(colour, (0.0, 0.0), radius)
 
@@ -160,10 +160,12 @@ def body_arc(radius: float, shoulder: float, start: float, end: float, count: in
 
     Args:
         radius: half the depth of the body, m.
-        shoulder: half the length of the shoulder line, m; 0 gives a circle.
+        shoulder: half the length of the shoulder line, m, see `Humans.shoulder`; 0 gives a circle.
         start, end: first and last point, as fractions of the outline's length from its foremost point to the left.
         count: number of points.
     """
+    if shoulder < 0.0:
+        return [(-y, x) for x, y in body_arc(radius, -shoulder, start, end, count)]
     half = math.pi * radius + 2 * shoulder  # the length from the foremost point to the rearmost one
     points = []
     for k in range(count):

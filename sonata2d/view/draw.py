@@ -87,7 +87,7 @@ def draw_moving_parts(
     """
     scene, unmeasured, humans = snapshot.scene, snapshot.scene.unmeasured, list(snapshot.humans)
     if "headings" in unmeasured:  # and with them the directions of the shoulders
-        humans = [replace(human, breadth=2 * human.radius) for human in humans]
+        humans = [replace(human, breadth=2 * human.radius, length=0.0) for human in humans]
     if layers.goal and "goal" not in unmeasured:
         for robot, other in zip(snapshot.robots, scene.robots, strict=True):
             draw_way(brush, robot.position, other.goal.position)
@@ -102,7 +102,8 @@ def draw_moving_parts(
     ignoring = {human.id for human in scene.humans if human.reacts_to_robot == 0.0}
     for human in humans:
         parts = human_parts(human, snapshot.time, ignores_robot=human.id in ignoring, unmeasured=unmeasured)
-        brush.stamp(human.pose.position, *parts)
+        for position, of_human in parts:
+            brush.stamp(position, *of_human)
     contacts = snapshot.contacts_of_robots or [()] * len(snapshot.robots)
     for robot, touched in zip(snapshot.robots, contacts, strict=True):
         brush.stamp(robot.position, robot_part(robot, touches=bool(touched), is_other=True))

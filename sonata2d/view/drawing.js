@@ -163,9 +163,13 @@ export class SceneDrawing {
 
   round(a, b, x = 0, y = 0) { this.pen.beginPath(); this.pen.ellipse(x, y, a, b, 0, 0, 2 * Math.PI); }
 
-  /** All within r of the shoulder line. */
+  /** All within r of the shoulder line, which lies across the heading, or along it if it is negative. */
   body(r, shoulder) {
     const {pen} = this;
+    if (shoulder < 0) {
+      pen.beginPath(); pen.arc(-shoulder, 0, r, -Math.PI / 2, Math.PI / 2); pen.arc(shoulder, 0, r, Math.PI / 2, 1.5 * Math.PI);
+      return pen.closePath();
+    }
     pen.beginPath(); pen.arc(0, shoulder, r, 0, Math.PI); pen.arc(0, -shoulder, r, Math.PI, 2 * Math.PI); pen.closePath();
   }
 
@@ -201,29 +205,34 @@ export class SceneDrawing {
   // -- what moves
 
   drawHuman(human, time) {
-    const tones = this.scene.tones[human.activity], {shoulder, activity} = human, size = human.radius + shoulder / 2;
+    const tones = this.scene.tones[human.activity], {shoulder, place = 0} = human, limbs = human.limbs || human.activity;
+    const [radius, half] = human.figure || [human.radius, Math.max(shoulder, 0)], size = radius + half / 2;
     const isPlain = !this.known("headings");
     this.at(human.x, human.y, human.theta, () => {
       this.body(human.radius, shoulder);
       if (human.ignores) {
         this.fill(isPlain ? tones.plain : tones.body);
-        const length = 2 * Math.PI * human.radius + 4 * shoulder;
+        const length = 2 * Math.PI * human.radius + 4 * Math.abs(shoulder);
         this.line(tones.dark, .033, [length / 18, length / 18]);
       } else {
         this.fill(tones.outline); this.body(human.radius - .022, shoulder); this.fill(isPlain ? tones.plain : tones.body);
       }
       if (isPlain) return;
-      const {stride, aside} = this.scene.steps[activity] ?? {};
-      if (stride) {
-        const swing = Math.sin(Math.PI * time / .75 + human.id);
-        for (const side of [-1, 1]) this.place(activity, side * swing * stride * size, side * aside * size, 0, size);
-      } else this.place(activity, 0, 0, 0, size);
-      this.round(.46 * size, .9 * (human.radius + shoulder)); this.fill(tones.dark);
-      this.round(.46 * size - .022, .9 * (human.radius + shoulder) - .022); this.fill(tones.fill);
+      if (human.kit) this.place(human.kit, 0, 0);
+      this.at(place, 0, 0, () => {
+        const {stride, aside} = this.scene.steps[limbs] ?? {};
+        if (stride) {
+          const swing = Math.sin(Math.PI * time / .75 + human.id);
+          for (const side of [-1, 1]) this.place(limbs, side * swing * stride * size, side * aside * size, 0, size);
+        } else this.place(limbs, 0, 0, 0, size);
+        this.round(.46 * size, .9 * (radius + half)); this.fill(tones.dark);
+        this.round(.46 * size - .022, .9 * (radius + half) - .022); this.fill(tones.fill);
+      });
     });
     if (isPlain) return;
     const hasHead = this.known("heads");
-    this.place(hasHead ? "head" : "round head", human.x, human.y, hasHead ? human.head : human.theta, size);
+    const x = human.x + place * Math.cos(human.theta), y = human.y + place * Math.sin(human.theta);
+    this.place(hasHead ? "head" : "round head", x, y, hasHead ? human.head : human.theta, size);
   }
 
   /** The field of view, which ends at walls. */
@@ -251,7 +260,7 @@ export class SceneDrawing {
   drawZones(human) {
     const [intimate, personal] = this.scene.zones.map(distance => human.radius + distance), {colours} = this.scene;
     this.at(human.x, human.y, human.theta, () => {
-      const length = 2 * Math.PI * personal + 4 * human.shoulder;
+      const length = 2 * Math.PI * personal + 4 * Math.abs(human.shoulder);
       this.body(personal, human.shoulder); this.fill(colours.zone, 13 / 255);
       this.line(colours.personalLine, .012, [length / 96, length / 96]);
       this.body(intimate, human.shoulder); this.fill(colours.zone, 17 / 255); this.line(colours.intimateLine, .012);

@@ -14,9 +14,11 @@ from functools import partial
 from ..core.entities import Goal
 from ..core.geometry import Disc, Point, Polygon, Shape
 from ..core.humans import HumanState
+from ..core.person_kinds import ADULT, PersonKind
 from ..core.relations import ACTIVITY
 from ..core.scene import Unmeasured
 from ..core.snapshot import RobotState
+from ..registry import person_kind
 from .brush import Brush, Part
 from .palette import DARK, FLOOR, GOAL, HAIR, OTHER_ROBOT, PAPER, ROBOT, mixed, shaded
 
@@ -28,42 +30,62 @@ _SWINGS = 24  # poses per half swing of the feet that are distinguished, so that
 
 def human_parts(
     human: HumanState, time: float, *, ignores_robot: bool = False, unmeasured: Collection[Unmeasured] = ()
-) -> tuple[Part, ...]:
+) -> list[tuple[Point, tuple[Part, ...]]]:
     """Body and head of a pedestrian inside its solid outline, which is dashed if the pedestrian ignores the robot.
+
+    What a kind of person sits in, pushes or carries is below its body.
 
     Args:
         unmeasured: as in the scene; without a measured heading a pedestrian is a plain disc, without a measured
             direction of the head its head has no nose.
+
+    Returns:
+        Parts with the positions at which they are stamped, world frame, m.
     """
     r, shoulder, activity, swing = human.radius, human.shoulder, human.activity, 0.0
     if "headings" in unmeasured:
         plain = partial(draw_plain_body, activity=activity, r=r, ignores_robot=ignores_robot)
-        return ((("person", activity, r, None, ignores_robot), plain, (1.0, 0.0)),)
-    if ACTIVITY[activity].stride:
+        return [(human.pose.position, ((("person", activity, r, None, ignores_robot), plain, (1.0, 0.0)),))]
+    kind = person_kind(human.kind)
+    if ACTIVITY[kind.limbs or activity].stride:
         swing = round(math.sin(math.pi * time / _STRIDE + human.id) * _SWINGS) / _SWINGS
-    body = partial(draw_body, activity=activity, r=r, shoulder=shoulder, swing=swing, ignores_robot=ignores_robot)
-    size = r + shoulder / 2
+    body = partial(
+        draw_body, activity=activity, r=r, shoulder=shoulder, swing=swing, ignores_robot=ignores_robot, kind=kind
+    )
+    own_r, own_shoulder = kind.figure or (r, max(shoulder, 0.0))
+    size = own_r + own_shoulder / 2
     if "heads" in unmeasured:
         head: Part = ("head", size, "round"), partial(draw_head, r=size, nose=False), human.pose.direction
     else:
         head = ("head", size), partial(draw_head, r=size), (math.cos(human.head), math.sin(human.head))
-    return (("person", activity, r, shoulder, swing, ignores_robot), body, human.pose.direction), head
+    figure: Part = ("person", activity, r, shoulder, swing, ignores_robot, human.kind), body, human.pose.direction
+    if kind.place == 0.0:
+        return [(human.pose.position, (figure, head))]
+    return [(human.pose.position, (figure,)), (human.pose.to_world((kind.place, 0.0)), (head,))]
 
 
 def draw_body(
-    brush: Brush, activity: str, r: float, shoulder: float, swing: float, *, ignores_robot: bool = False
-) -> None:
+    brush: Brush, activity: str, r: float, shoulder: float, swing: float, *, ignores_robot: bool = False,
+    kind: PersonKind = ADULT,
+) -> None:  # fmt: skip
     """Draw a pedestrian without its head.
 
     Args:
-        r: half the depth of the body, m.
-        shoulder: half the length of the shoulder line, m; 0 for a disc.
+        r: half the depth of the outline, m; of a long one, half its breadth.
+        shoulder: half the length of the shoulder line, m; see `Humans.shoulder`.
         swing: position of a walking pedestrian's left foot, from -1 (behind) to 1 (ahead).
+        kind: of the person.
     """
     colour = ACTIVITY[activity].colour
     _draw_outline(brush, activity, 0.28, r, shoulder, ignores_robot=ignores_robot)
+    if kind.draw is not None:
+        kind.draw(brush, r + max(-shoulder, 0.0), r + max(shoulder, 0.0))
+    if kind.place != 0.0:
+        c, s = brush.direction
+        brush = brush.at((brush.x + kind.place * c, brush.y + kind.place * s), brush.direction)
+    r, shoulder = kind.figure or (r, max(shoulder, 0.0))
     size = r + shoulder / 2  # halfway between depth and breadth
-    draw_limbs(brush, activity, size, swing)
+    draw_limbs(brush, kind.limbs or activity, size, swing)
     brush.ellipse(colour, (0.0, 0.0), (0.46 * size, 0.9 * (r + shoulder)), shaded(colour), _LINE)
 
 

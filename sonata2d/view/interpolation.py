@@ -51,7 +51,15 @@ def _humans_between(before: Humans, after: Humans, fraction: float) -> Humans:
     jumps = np.abs(end[:, X : Y + 1] - start[:, X : Y + 1]).sum(axis=1) > _MAX_STEP
     state[jumps] = end[jumps]
     row = None if all_present else now if after.row is None else after.row[now]
-    return Humans(frozen(state), after.id[now], after.radius[now], after.shoulder[now], after.activity_index[now], row)
+    return Humans(
+        frozen(state),
+        after.id[now],
+        after.radius[now],
+        after.shoulder[now],
+        after.activity_index[now],
+        after.kind[now],
+        row,
+    )
 
 
 def _rotated(start: Array, end: Array, fraction: float) -> Array:

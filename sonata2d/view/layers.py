@@ -138,7 +138,7 @@ def draw_zones(brush: Brush, humans: Sequence[HumanState], outline: Sequence[Poi
             r, shoulder = human.radius, human.shoulder
             draw = partial(draw_zones_of, r=r, shoulder=shoulder)
             # a disc's zones look alike at any heading
-            direction = human.pose.direction if shoulder > 0.0 else brush.camera.up
+            direction = human.pose.direction if shoulder != 0.0 else brush.camera.up
             brush.stamp(human.pose.position, (("zones", r, shoulder), draw, direction), whole=True)
 
 
@@ -147,7 +147,7 @@ def draw_zones_of(brush: Brush, r: float, shoulder: float) -> None:
 
     Args:
         r: half the depth of the body, m.
-        shoulder: half the length of the shoulder line, m.
+        shoulder: half the length of the shoulder line, m; see `Humans.shoulder`.
     """
     intimate, personal = r + INTIMATE_DISTANCE, r + PERSONAL_DISTANCE
     inner, outer = (body_arc(radius, shoulder, 0.0, 1.0, 65) for radius in (intimate, personal))

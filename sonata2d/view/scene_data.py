@@ -9,10 +9,12 @@ from functools import partial
 from typing import Any
 from xml.etree import ElementTree
 
+from ..core.entities import Human
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearance, obstacle_clearance, touched_kind
 from ..core.relations import ACTIVITIES, ACTIVITY
 from ..core.scene import Scene
 from ..core.snapshot import RobotState, Snapshot
+from ..registry import person_kind
 from .brush import Brush
 from .draw import camera_for, draw_still_parts
 from .figures import draw_chassis, draw_foot, draw_head, draw_limbs, draw_target
@@ -87,6 +89,7 @@ def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # no
                 "id": h.id,
                 "radius": h.radius,
                 "shoulder": h.shoulder if "headings" not in scene.unmeasured else 0.0,
+                **_figure(h),
                 "ignores": h.reacts_to_robot == 0.0,
                 "reaction": _REACTIONS[h.reaction] if "robot" not in scene.unmeasured else "",
                 "path": hex_colour(human_tones(k)[-1]),
@@ -114,6 +117,13 @@ def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # no
     }
 
 
+def _figure(human: Human) -> dict[str, Any]:
+    """What differs in the drawing of a pedestrian by its kind."""
+    kind = person_kind(human.kind)
+    values = {"place": kind.place, "figure": kind.figure, "limbs": kind.limbs, "kit": kind.draw and f"kit {human.id}"}
+    return {key: value for key, value in values.items() if value}
+
+
 def _symbols(scene: Scene) -> dict[str, str]:
     """Drawings around the origin, as SVG elements; heads and limbs belong to a body of size 1 m."""
     outline = scene.robot.outline
@@ -128,6 +138,11 @@ def _symbols(scene: Scene) -> dict[str, str]:
         chassis = partial(draw_chassis, shape=other.robot.outline, is_other=True)
         drawings[f"robot {other.id}"], drawings[f"touching {other.id}"] = chassis, partial(chassis, touches=True)
         drawings[f"goal {other.id}"] = partial(draw_target, radius=other.goal.distance, is_other=True)
+    for human in scene.humans:
+        kit, shoulder = person_kind(human.kind).draw, human.shoulder
+        if kit is not None:
+            half = {"a": human.radius + max(-shoulder, 0.0), "b": human.radius + max(shoulder, 0.0)}
+            drawings[f"kit {human.id}"] = partial(kit, **half)
     for name, activity in ACTIVITY.items():
         # of a walking pedestrian, the feet are placed one by one
         drawings[name] = partial(draw_foot if activity.stride else draw_limbs, activity=name, r=1.0)

@@ -117,7 +117,7 @@ class _Memory(NamedTuple):
         solids: walls and furniture.
         goal: (5,), see `core.at_goal`.
         last: (3,), the last command.
-        outline: (2, N), radius and half the length of the shoulder line of each human of the scene, m.
+        outline: (2, N), radius and shoulder of each human of the scene, m; see `Humans`.
         body, headed: see `_cheapest`.
         present, present_outline: (N, 9) and (2, N), of the humans that are present; scratch.
     """
@@ -608,7 +608,7 @@ def _predicted_bodies(
 
     Returns:
         (STEPS, N, 6): position, m; distance of the robot's centre from the shoulder line at contact, m; heading, unit
-        vector; half the length of the shoulder line, m; and (STEPS,), number of rows in use.
+        vector; `Humans.shoulder`, m; and (STEPS,), number of rows in use.
     """
     bodies, counts = np.empty((STEPS, len(state), 6)), np.zeros(STEPS, dtype=np.int64)
     for k in range(STEPS):
@@ -616,7 +616,7 @@ def _predicted_bodies(
         for j in range(len(state)):
             x, y = state[j, X] + state[j, VX] * time, state[j, Y] + state[j, VY] * time
             touching = radius[j] + numbers[_ROBOT_RADIUS]
-            dx, dy, reach = x - position[0], y - position[1], speed * time + far + touching + shoulder[j]
+            dx, dy, reach = x - position[0], y - position[1], speed * time + far + touching + abs(shoulder[j])
             if dx * dx + dy * dy < reach * reach:
                 n = counts[k]
                 bodies[k, n, 0], bodies[k, n, 1], bodies[k, n, 2] = x, y, touching

@@ -14,7 +14,7 @@ from ...core.barrier_grid import solids_of
 from ...core.compiled.calls import FLAG, FLOAT, FLOATS, FLOATS2, INT, PACKED, address_of, call
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Kept, Packed, arrays_of, pack, unpack, zeros
-from ...core.compiled.scalar import length, rotation, unit_or
+from ...core.compiled.scalar import Vector, length, rotation, turned_towards, unit_or
 from ...core.entities import DEFAULT_MODEL, Interaction
 from ...core.free_space import check_line, check_place
 from ...core.geometry import Barriers, Point
@@ -81,6 +81,9 @@ _CONSTANT = frozenset({
     "for_passable", "for_passable_graph", "for_places",
 })  # fmt: skip
 _PACE_RATIO = 1.15  # largest ratio of the speeds of two members of a group
+_ROLLING_TIME = 0.5  # s, for which the acceleration across the heading turns a pedestrian that cannot side-step
+_ROLLING_PACE = 0.3  # m/s ahead, at least, of the velocity to which it turns, so that braking does not turn it
+_ROLLING_COSINE, _ROLLING_SINE = 0.6967067093471655, 0.7173560908995228  # of 0.8 rad, the largest angle of its turn
 _TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims
 
 
@@ -282,6 +285,7 @@ def _initial_state(scene: Scene, spaces: Spaces, model: PedestrianModel) -> Crow
         law=law,
         is_present=np.ones(count, dtype=bool),
         needed=np.zeros(2, dtype=np.int64),
+        rolls=np.array([not human.side_steps for human in humans], dtype=bool),
         calls=_calls(law.evaluations > 1),
     )  # fmt: skip
 
@@ -486,10 +490,11 @@ def _orient(crowd: CrowdState, tick: int, humans: Array, is_present: BoolArray) 
         facing_x, facing_y = facing(
             k, humans, social, to_x * speed, to_y * speed, crowd.reactions, crowd.obstacles.side
         )
-        if (
-            crowd.law.is_headed and social.is_walking[k]
-        ):  # motion follows the body, so the body turns to the desired direction
+        if social.is_walking[k] and crowd.law.is_headed:
+            # Motion follows the body, so that the body turns to the desired direction.
             facing_x, facing_y = ux, uy
+        elif social.is_walking[k] and crowd.rolls[k]:
+            facing_x, facing_y = _rolling_direction(crowd, k, humans, to_x, to_y)
         twist = 0.0
         if social.is_walking[k]:
             twist = wanted_twist(
@@ -505,6 +510,11 @@ def _orient(crowd: CrowdState, tick: int, humans: Array, is_present: BoolArray) 
         if not social.is_walking[k] and crowd.tasks.sits_on[k] < 0:
             c, s = crowd.idling.turn[k, 0], crowd.idling.turn[k, 1]
             facing_x, facing_y = facing_x * c - facing_y * s, facing_x * s + facing_y * c
+        if crowd.rolls[k]:  # it turns calmly
+            facing_x, facing_y = turned_towards(
+                humans[k, BODY_X], humans[k, BODY_Y], facing_x, facing_y, _ROLLING_COSINE, _ROLLING_SINE,
+                crowd.obstacles.side,
+            )  # fmt: skip
         lead = max(speed * HEAD_LEAD_TIME, MINIMUM_HEAD_LEAD)
         ahead_x, ahead_y = point_ahead(crowd.routes, k, humans[k, X], humans[k, Y], lead)
         c, s = rotation(twist)
@@ -518,6 +528,25 @@ def _orient(crowd: CrowdState, tick: int, humans: Array, is_present: BoolArray) 
             k, tick, humans, social, facing_x, facing_y, ahead_x, ahead_y, crowd.reactions, crowd.glances, crowd.draws,
             crowd.obstacles.dt,
         )  # fmt: skip
+
+
+@subroutine
+def _rolling_direction(crowd: CrowdState, k: int, humans: Array, to_x: float, to_y: float) -> Vector:
+    """The direction to which pedestrian k turns that moves along its heading only: to where the law pushes it.
+
+    Args:
+        crowd: with the accelerations of the last tick.
+        k: index of the pedestrian.
+        humans: columns of `core.humans`.
+        to_x, to_y: unit vector of the direction in which it wants to go.
+    """
+    bx, by = humans[k, BODY_X], humans[k, BODY_Y]
+    if to_x * bx + to_y * by <= 0.0:
+        return to_x, to_y  # about turn
+    x = humans[k, VX] + crowd.intentions.acceleration[k, 0] * _ROLLING_TIME
+    y = humans[k, VY] + crowd.intentions.acceleration[k, 1] * _ROLLING_TIME
+    ahead, left = max(x * bx + y * by, _ROLLING_PACE), y * bx - x * by
+    return unit_or(ahead * bx - left * by, ahead * by + left * bx, 1e-3, bx, by)
 
 
 @kernel

@@ -101,6 +101,7 @@ class CrowdState(NamedTuple):
         robots: of the scene; whoever calls `crowd.prepare` sets their state before.
         is_present: (N,) of bool.
         needed: (2,) of int, lengths of the lists of neighbours and walls that the last tick needed.
+        rolls: (N,) of bool, pedestrians that cannot move sideways.
     """
 
     robots: Robots
@@ -123,4 +124,5 @@ class CrowdState(NamedTuple):
     law: Law
     is_present: Bools
     needed: Ints
+    rolls: Bools
     calls: Calls

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from ...core.compiled.kernel import subroutine
-from ...core.compiled.scalar import RADIUS, angle_of, towards
+from ...core.compiled.scalar import RADIUS, angle_of, extent, towards
 from ...core.portable_math import PI, Array
 from .models.base import Walkers
 
@@ -71,10 +71,10 @@ def wanted_twist(walkers: Walkers, i: int, barriers: Array, twist: float, side: 
         ahead, aside = dx * ex + dy * ey, ex * dy - ey * dx
         if walkers.attention[n] > 0.0 and -_NEAR_BEHIND < ahead < _NEAR_AHEAD and abs(aside) < _BESIDE:
             bx, by = walkers.body_direction[j, 0], walkers.body_direction[j, 1]
-            extent = walkers.radius[j] + walkers.shoulder[j] * abs(bx * ex + by * ey)
-            if abs(aside) < extent:
+            half = walkers.radius[j] + extent(-ey, ex, bx, by, walkers.shoulder[j])
+            if abs(aside) < half:
                 continue  # ahead, not beside: it is followed or evaded
-            free = abs(aside) - extent
+            free = abs(aside) - half
             if aside > 0.0:
                 left = min(left, free)
             else:

@@ -127,8 +127,9 @@ class Spaces:
         humans, robots = scene.humans, scene.robot_ids
         sides = sum(len(robot.outline.core) for robot, _ in scene.tasks)
         may_walk = [h for h in humans if scene.social.is_lively or h.behaviour in ("wandering", "walking")]
-        depth = max((human.radius for human in may_walk), default=PERSON_RADIUS)
-        breadth = max((human.shape.circumradius for human in may_walk), default=PERSON_RADIUS)
+        # Half the breadth of the broadest body, and half the depth of the deepest one that can pass sideways.
+        breadth = max((human.radius + max(human.shoulder, 0.0) for human in may_walk), default=PERSON_RADIUS)
+        depth = max((human.radius for human in may_walk if human.shoulder >= 0.0), default=PERSON_RADIUS)
         self.clearance = breadth + _CLEARANCE
         widths = self.clearance, depth + _TIGHT_CLEARANCE, depth - _WALL_TOLERANCE
         plans = [floor_plan(scene.outline, scene.barriers, width) for width in widths]

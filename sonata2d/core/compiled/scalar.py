@@ -73,9 +73,11 @@ def to_shoulder_line(dx: float, dy: float, body_x: float, body_y: float, shoulde
 
     Args:
         dx, dy: from the point to the middle of the line, m.
-        body_x, body_y: unit vector of the heading, to which the line is perpendicular.
-        shoulder: half the length of the line, m.
+        body_x, body_y: unit vector of the heading.
+        shoulder: half the length of the line, m; see `Humans.shoulder`.
     """
+    if shoulder < 0.0:  # the line lies along the heading
+        body_x, body_y, shoulder = -body_y, body_x, -shoulder
     along = min(max(body_x * dy - body_y * dx, -shoulder), shoulder)
     return dx + along * body_y, dy - along * body_x
 
@@ -89,8 +91,12 @@ def shoulder_line_distance(
     Args:
         dx, dy: from the middle of the first line to the middle of the other one, m.
         bx, by, other_bx, other_by: unit vectors of the headings.
-        shoulder, other_shoulder: half the length of the lines, m.
+        shoulder, other_shoulder: half the length of the lines, m; see `Humans.shoulder`.
     """
+    if shoulder < 0.0:
+        bx, by, shoulder = -by, bx, -shoulder
+    if other_shoulder < 0.0:
+        other_bx, other_by, other_shoulder = -other_by, other_bx, -other_shoulder
     nearest, ahead, other_ahead = math.inf, 1.0, 1.0
     for end in (-1.0, 1.0):
         x, y = dx + end * by * shoulder, dy - end * bx * shoulder  # from an end of the first line
@@ -102,6 +108,33 @@ def shoulder_line_distance(
         nearest = min(nearest, length(line_x, line_y))
         ahead *= x * bx + y * by
     return 0.0 if ahead < 0.0 and other_ahead < 0.0 else nearest
+
+
+@subroutine
+def half_line(body_x: float, body_y: float, shoulder: float) -> Vector:
+    """Vector from the middle of a person's shoulder line to one of its ends, m; on the left if it lies across.
+
+    Args:
+        body_x, body_y: unit vector of the heading.
+        shoulder: half the length of the line, m; see `Humans.shoulder`.
+    """
+    if shoulder < 0.0:
+        return body_x * shoulder, body_y * shoulder
+    return -body_y * shoulder, body_x * shoulder
+
+
+@subroutine
+def extent(nx: float, ny: float, body_x: float, body_y: float, shoulder: float) -> float:
+    """Half the extent of a person's shoulder line in a direction, m.
+
+    Args:
+        nx, ny: the direction, a unit vector.
+        body_x, body_y: unit vector of the heading.
+        shoulder: half the length of the line, m; see `Humans.shoulder`.
+    """
+    if shoulder < 0.0:
+        return -shoulder * abs(nx * body_x + ny * body_y)
+    return shoulder * abs(nx * body_y - ny * body_x)
 
 
 @subroutine

@@ -16,6 +16,7 @@ from ...core.compiled.scalar import (
     START_X,
     START_Y,
     gap,
+    half_line,
     length,
     line_gap,
     shoulder_line_distance,
@@ -102,7 +103,7 @@ def _find_depths(
 
     Args:
         pose: (T, K, 3), m, and rad, NaN where a body is left out.
-        sizes: (2, K), m, radii and halves of the shoulder lines; of the robot, the rounding of its outline, and 0.
+        sizes: (2, K), m, radii and shoulders, see `Humans`; of the robot, the rounding of its outline, and 0.
         barriers, starts: (M, 8) and (M, 2), m, edges of the solids, and their starts.
         owner, first: (M,) and (S + 1,) of int, the solid of each edge, and the first edge of each; walls are solid 0.
         is_seat, sitting: (S,) and (T, K) of bool; who sits may overlap seats.
@@ -126,8 +127,8 @@ def _find_depths(
             if x != x:
                 continue
             bx, by, least = direction[k, X], direction[k, Y], radius - maximum
-            left_x, left_y = x - by * shoulder, y + bx * shoulder
-            right_x, right_y = x + by * shoulder, y - bx * shoulder
+            half_x, half_y = half_line(bx, by, shoulder)
+            left_x, left_y, right_x, right_y = x + half_x, y + half_y, x - half_x, y - half_y
             for s in range(solids):
                 depths[s] = -1.0
             if not is_disc and k == robot:
@@ -139,7 +140,7 @@ def _find_depths(
                         separate(corners, *ends, found)
                         depth = least + barriers[m, RADIUS] - found[DISTANCE]
                         depths[owner[m]] = max(depths[owner[m]], depth)
-                elif gap(barriers, m, x, y) - shoulder < least:
+                elif gap(barriers, m, x, y) - abs(shoulder) < least:
                     depth = least - line_gap(barriers, m, left_x, left_y, right_x, right_y)
                     depths[owner[m]] = max(depths[owner[m]], depth)
             for s in range(solids):
@@ -161,12 +162,12 @@ def _find_depths(
                 dx, dy = pose[t, j, X] - x, pose[t, j, Y] - y
                 reach = least + sizes[0, j]
                 if not is_disc and j == robot:
-                    if length(dx, dy) < least + shoulder + circumradius:
+                    if length(dx, dy) < least + abs(shoulder) + circumradius:
                         place_corners(core, pose[t, j, X], pose[t, j, Y], direction[j, X], direction[j, Y], corners)
                         separate(corners, left_x, left_y, right_x, right_y, found)
                         if reach > found[DISTANCE]:
                             _note(worst, tick, number, k, solids + j, reach - found[DISTANCE], t)
-                elif length(dx, dy) < reach + shoulder + sizes[1, j]:
+                elif length(dx, dy) < reach + abs(shoulder) + abs(sizes[1, j]):
                     ahead_x, ahead_y = direction[j, X], direction[j, Y]
                     depth = reach - shoulder_line_distance(dx, dy, bx, by, shoulder, ahead_x, ahead_y, sizes[1, j])
                     if depth > 0.0:

@@ -115,7 +115,7 @@ def _maximum_overlap(scene: Scene) -> float:
     guard, the robot pushes pedestrians into others and into walls, up to two substeps too late: in the first one they
     still give way. Whoever turns notices at the end of the tick that there is no room.
     """
-    rules, shoulder = scene.rules, float(scene.human_table.shoulder.max(initial=0.0))
+    rules, shoulder = scene.rules, float(np.abs(scene.human_table.shoulder).max(initial=0.0))
     speed, substep = float(walking_speeds(scene).max(initial=0.0)), rules.dt / rules.substeps
     overlap = max(MAXIMUM_OVERLAP, 2.0 * (speed + BODY_TURN * shoulder) * substep)
     if rules.guard:

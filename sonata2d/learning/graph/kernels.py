@@ -114,7 +114,8 @@ def modern_features(
             _copy(robot if k == 0 else humans[present[k - 1]], body)
             size: float = robot_radius if k == 0 else radius[present[k - 1]]
             half: float = 0.0 if k == 0 else shoulder[present[k - 1]]
-            body[LENGTH], body[WIDTH], body[RADIUS] = 2 * size, 2 * (size + half), size
+            body[LENGTH], body[WIDTH] = 2 * (size + max(-half, 0.0)), 2 * (size + max(half, 0.0))
+            body[RADIUS] = size
             body[AXIS_X], body[AXIS_Y] = unit_vector(body[ROW_THETA])
         if k == 0:
             body[ROW_HEAD] = robot[ROW_THETA]

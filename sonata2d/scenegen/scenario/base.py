@@ -217,6 +217,10 @@ class Range(_Interval):
         start = max(low, self.min)
         return Range(start, max(start, self.max), self.step)
 
+    def shifted(self, by: float) -> Range:
+        """Return the range with both ends, and the numbers between them, larger by an amount."""
+        return Range(self.min + by, self.max + by, self.step)
+
 
 @dataclass(frozen=True, config=_STRICT)
 class IntRange(_Interval):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import partial
 from itertools import pairwise
 from typing import Annotated, Self
 
@@ -12,7 +13,8 @@ from ...core.bounds import Fraction, NotNegative, Number, Positive
 from ...core.entities import Behaviour, Reaction
 from ...core.files.limits import MAX_ID
 from ...core.geometry import Barriers, Point
-from .base import BodyRadius, Breadth, Duration, Jitter, Range, Settings, TupleOf, within
+from ...registry import PERSON_KINDS
+from .base import BodyRadius, Breadth, Duration, Jitter, Range, Settings, TupleOf, require_registered, within
 from .problems import setting_error
 
 
@@ -24,6 +26,7 @@ def _check_times(track: tuple[tuple[float, float, float], ...]) -> tuple[tuple[f
 
 Track = Annotated[TupleOf[tuple[Number, Number, Number]], Field(min_length=2), AfterValidator(_check_times)]  # s, m, m
 _PositiveId = Annotated[PositiveInt, Field(le=MAX_ID)]
+_KindName = Annotated[str, AfterValidator(partial(require_registered, PERSON_KINDS))]
 _DesiredSpeed = Annotated[Range, within("a desired speed must be above 0", 0.0, above=True)]
 
 
@@ -50,6 +53,8 @@ class PersonSpec(Settings):
             walls and the robot, and pushes others aside.
         group: number of the group. The members of a group talk if they stand; else they walk together, and the first
             member leads.
+        kind: of person, whose distributions of sizes and speed replace those of the section `person`. Default: drawn
+            by `person.kinds`; of a pedestrian with a track, adult.
         desired_speed, radius, breadth: m/s, m, m; default: drawn from the section `person`.
         headway, politeness: factors; default: drawn from the section `person`.
         pre_movement: s; how long the pedestrian stands before it walks for the first time; default: drawn from the
@@ -60,7 +65,7 @@ class PersonSpec(Settings):
         reaction: kind of reaction to the robot; default: drawn from the section `person`.
     """
 
-    _optional = frozenset({"area"})
+    _optional = frozenset({"area", "kind"})
 
     id: _PositiveId | None = None
     x: Number | None = None
@@ -77,6 +82,7 @@ class PersonSpec(Settings):
     leaves: Positive | None = None
     track: Track | None = None
     group: _PositiveId | None = None
+    kind: _KindName | None = None
     desired_speed: _DesiredSpeed | None = None
     radius: BodyRadius | None = None
     breadth: Breadth | None = None

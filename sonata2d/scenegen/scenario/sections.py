@@ -24,7 +24,7 @@ from ...core.geometry import Disc, Point, Polygon, Rectangle, Shape, quantised
 from ...core.labels import LabelSpec
 from ...core.scene import Rules, Social
 from ...core.wording import shown
-from ...registry import CONTROLLERS, DRIVES, PEDESTRIAN_MODELS, did_you_mean, drive_class
+from ...registry import CONTROLLERS, DRIVES, PEDESTRIAN_MODELS, PERSON_KINDS, did_you_mean, drive_class
 from .base import (
     BodyRadius,
     Breadth,
@@ -45,6 +45,7 @@ from .problems import setting_error
 from .rooms import Polygon as Corners, RoomConfig as RoomConfig
 
 _ModelName = Annotated[str, AfterValidator(partial(require_registered, PEDESTRIAN_MODELS))]
+KindName = Annotated[str, AfterValidator(partial(require_registered, PERSON_KINDS))]
 AreaName = Annotated[str, Field(min_length=1, max_length=MAX_NAME)]
 Size = Positive | tuple[Positive, Positive]  # radius of a disc, or length (x) and width (y), m
 
@@ -280,7 +281,12 @@ class PersonConfig(Settings):
         reactions: weight of each reaction of the other pedestrians to the robot: avoids, stops, curious, scared,
             ignores; a list of names gives equal weights.
         robot_clearance: distribution of the clearance at which a pedestrian wants to pass the robot, m.
+        kinds: weight of each kind of person: adult, older, child, wheelchair, walking_frame, cart, carrying, staff, or
+            of a plug-in; a list of names gives equal weights. A kind replaces some of the distributions of sizes and
+            speed; adults have those of this section. Default: adults.
     """
+
+    _optional = frozenset({"kinds"})
 
     radius: BodyRadius = Range(0.13, 0.15)
     breadth: Breadth = Range(0.4, 0.5)
@@ -294,6 +300,7 @@ class PersonConfig(Settings):
     ignores_robot: Fraction = 0.0
     reactions: Annotated[dict[Reaction, NotNegative], *weights_of("reaction")] = Field(default={"avoids": 1.0})
     robot_clearance: ClearanceConfig = ClearanceConfig()
+    kinds: Annotated[dict[KindName, NotNegative], *weights_of("kind of person")] | None = None
 
 
 class GroupConfig(Settings):

@@ -17,6 +17,7 @@ from pymunk._chipmunk_cffi import ffi, lib
 
 from ...core.compiled.kernel import IS_COMPILED, subroutine
 from ...core.compiled.packing import Floats, Floats2, Ints
+from ...core.compiled.scalar import half_line
 
 # Items of `Engine.handle`, addresses: of C functions, of the space, and of the requests for reading and writing.
 _STEP, _EACH_BODY, _GET, _SET, _SET_ENDS, _SET_OFFSET, _SPACE, _READ, _WRITE, _PLACE = range(10)
@@ -198,12 +199,12 @@ def apply_forces(engine: Engine) -> None:
 
 @subroutine
 def turn_torso(engine: Engine, k: int, x: float, y: float) -> None:
-    """Lay the shoulder line of pedestrian k across its heading, a unit vector.
+    """Turn the shoulder line of pedestrian k to its heading, a unit vector.
 
     The engine's bodies do not rotate: it would compute sines and cosines, whose last bits depend on the C library.
     """
-    half = engine.shoulder[k]
-    _call(engine.handle[_SET_ENDS], (engine.torsos[k], -y * half, x * half, y * half, -x * half))
+    dx, dy = half_line(x, y, engine.shoulder[k])
+    _call(engine.handle[_SET_ENDS], (engine.torsos[k], dx, dy, -dx, -dy))
 
 
 @subroutine

@@ -95,7 +95,7 @@ def find_near(guard: Guard, bodies: Array, row: int, solids: Solids, rules: Arra
     count = 0
     for k in range(len(guard.human_contact)):
         dx, dy = bodies[k, X] - x, bodies[k, Y] - y
-        widest = guard.radius[k] + guard.shoulder[k] + rules[ROBOT_RADIUS]
+        widest = guard.radius[k] + abs(guard.shoulder[k]) + rules[ROBOT_RADIUS]
         if math.sqrt(dx * dx + dy * dy) - widest < reach + rules[HUMAN_RANGE]:
             guard.near[count] = k
             count += 1

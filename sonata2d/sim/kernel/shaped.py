@@ -12,7 +12,7 @@ from typing import Any
 from ...core.barrier_grid import outline_gap
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import unpack
-from ...core.compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, Vector, clipped, length, rotation
+from ...core.compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, Vector, clipped, half_line, length, rotation
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.portable_math import Array
 from ...core.separation import ARM_X, ARM_Y, DISTANCE, NORMAL_X, NORMAL_Y, place_corners, separate
@@ -49,7 +49,7 @@ def gap_at(packed_world: Any, x: float, y: float, body_x: float, body_y: float, 
     world = unpack(packed_world, Buffers)
     body, robot = world.body, world.robot
     place_corners(body.core, robot[X], robot[Y], robot[BODY_X], robot[BODY_Y], body.corners)
-    dx, dy = -body_y * shoulder, body_x * shoulder
+    dx, dy = half_line(body_x, body_y, shoulder)
     separate(body.corners, x + dx, y + dy, x - dx, y - dy, body.found)
 
 
@@ -131,7 +131,7 @@ def _find_targets(world: Buffers, speed: float, h: float) -> None:
         if n < people:
             x, y = bodies[k, X] + bodies[k, VX] * h, bodies[k, Y] + bodies[k, VY] * h  # at the end of the substep
             torso, radius, shoulder = guard.torso[k], guard.radius[k], guard.shoulder[k]
-            dx, dy = -torso[1] * shoulder, torso[0] * shoulder
+            dx, dy = half_line(torso[0], torso[1], shoulder)
             row[START_X], row[START_Y], row[END_X], row[END_Y] = x + dx, y + dy, x - dx, y - dy
             row[RADIUS], row[ALLOWED] = radius, 0.0
             if depth > 0.0:  # a person that is pressed against something stops the robot

@@ -14,6 +14,7 @@ from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Bools, Floats, Floats2, Ints, packed_at, unpack
 from ...core.compiled.scalar import (
     Vector,
+    clipped,
     length,
     rotation,
     shoulder_line_distance,
@@ -41,10 +42,12 @@ from .safety import Guard, find_near, limited
 
 _FASTEST = 1e6  # m/s and rad/s, beyond which a drive is broken
 MASS = 75.0  # kg, of a pedestrian
+ROLLING_ACCELERATION = 1.5  # m/s^2, of pedestrians that cannot move sideways, along their headings; our estimate
 TOUCHING = 0.01  # m, gap of outlines below which they press against each other
 MAXIMUM_DEPTH = 0.005  # m, of overlap that a pressed body causes by turning
 _BESIDE = 0.5  # m, gap of a wall beside a person that turns; those farther away leave room
 STUCK_DEPTH = 0.02  # m, of a torso in a solid, which the engine moves out where there is room
+LONG_STUCK_DEPTH = 0.002  # m, the same of a body that is longer than broad
 ROBOT_MASS = 1e6  # kg; so large that contacts do not move the robot, and their impulse can still be read
 
 # Items of the scratch array `drive`: the twist of the drive in this tick (body frame), the sums of the executed
@@ -82,6 +85,7 @@ class Buffers(NamedTuple):
         may_overlap: (N,), pedestrians that may be inside solids: recorded ones, and those on seats.
         maximum_speed: (N,), m/s, of the pedestrians.
         facing, gaze: (N, 2), unit vectors of the desired headings and gazes.
+        rolling: (K,) of int, pedestrians that cannot move sideways.
     """
 
     engine: Engine
@@ -108,6 +112,7 @@ class Buffers(NamedTuple):
     maximum_speed: Floats
     facing: Floats2
     gaze: Floats2
+    rolling: Ints
 
 
 @kernel
@@ -139,6 +144,7 @@ def advance(packed_world: Any, vx: float, vy: float, omega: float, is_limited: b
         _turn_torsos(buffers, int(rules[SUBSTEPS]) - substep)
         for r in range(robots):
             _move_robot(robot_at(buffers, r), h)
+        _roll(buffers)
         apply_forces(engine)
         step_space(engine, h)
         read_bodies(engine)
@@ -148,6 +154,7 @@ def advance(packed_world: Any, vx: float, vy: float, omega: float, is_limited: b
     if end == int(rules[SUBSTEPS]):
         for r in range(robots):
             _end_motion(robot_at(buffers, r))
+        _roll(buffers)
         copy_bodies(buffers)
 
 
@@ -231,7 +238,9 @@ def _is_stuck(buffers: Buffers, k: int) -> bool:
         return False
     guard, humans, torso = buffers.guard, buffers.humans, buffers.guard.torso
     body = torso[k, 0], torso[k, 1], guard.radius[k], guard.shoulder[k]
-    return outline_gap(buffers.solids, humans[k, X], humans[k, Y], *body, 0.0) < -STUCK_DEPTH
+    # The ends of a long body sweep far as it turns, so that it stops turning at once.
+    depth = STUCK_DEPTH if guard.shoulder[k] >= 0.0 else LONG_STUCK_DEPTH
+    return outline_gap(buffers.solids, humans[k, X], humans[k, Y], *body, 0.0) < -depth
 
 
 @subroutine
@@ -268,7 +277,7 @@ def _gap(buffers: Buffers, k: int, j: int, bx: float, by: float) -> float:
     guard, humans, torso = buffers.guard, buffers.humans, buffers.guard.torso
     dx, dy, radii = humans[j, X] - humans[k, X], humans[j, Y] - humans[k, Y], guard.radius[k] + guard.radius[j]
     distance = length(dx, dy)
-    if distance < radii + guard.shoulder[k] + guard.shoulder[j] + TOUCHING:
+    if distance < radii + abs(guard.shoulder[k]) + abs(guard.shoulder[j]) + TOUCHING:
         body, other = (bx, by, guard.shoulder[k]), (torso[j, 0], torso[j, 1], guard.shoulder[j])
         distance = shoulder_line_distance(dx, dy, *body, *other)
     gap: float = distance - radii
@@ -303,6 +312,20 @@ def _turn_torsos(buffers: Buffers, remaining: int) -> None:
             x, y = x / norm, y / norm
         torso[k, 0], torso[k, 1] = x, y
         turn_torso(buffers.engine, k, x, y)
+
+
+@subroutine
+def _roll(buffers: Buffers) -> None:
+    """Let pedestrians that cannot move sideways move along their headings, with a limited acceleration."""
+    engine, bodies, torso = buffers.engine, buffers.engine.bodies, buffers.guard.torso
+    limit = ROLLING_ACCELERATION * MASS
+    for k in buffers.rolling:
+        x, y = torso[k, 0], torso[k, 1]
+        speed = bodies[k, VX] * x + bodies[k, VY] * y
+        force = clipped(engine.forces[k, 0] * x + engine.forces[k, 1] * y, -limit, limit)
+        bodies[k, VX], bodies[k, VY] = speed * x, speed * y
+        engine.forces[k, 0], engine.forces[k, 1] = force * x, force * y
+        place(engine, k, bodies[k, X], bodies[k, Y], speed * x, speed * y)
 
 
 @subroutine

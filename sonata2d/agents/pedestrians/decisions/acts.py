@@ -97,19 +97,21 @@ def plan_path(packed_state: Any, k: int, x: float, y: float, end_x: float, end_y
     ignores_robots = ignores_robots and crowd.reactions.gap[k] > _TOUCHING
     if ignores_robots:
         call(crowd.calls.find_obstacles, (crowd, False))
-    count = shorter_path(crowd, x, y, end_x, end_y, route)
+    count = shorter_path(crowd, k, x, y, end_x, end_y, route)
     if ignores_robots:
         call(crowd.calls.find_obstacles, (crowd, True))
     return count
 
 
 @subroutine
-def shorter_path(crowd: CrowdState, x: float, y: float, end_x: float, end_y: float, route: Array) -> int:
+def shorter_path(crowd: CrowdState, k: int, x: float, y: float, end_x: float, end_y: float, route: Array) -> int:
     """`plan_path` among the present obstacles."""
     count = path_in(crowd, crowd.obstacles.for_space, crowd.obstacles.for_space_graph, x, y, end_x, end_y, route)
     size = path_length(route, count)
     if count > 0 and size <= _DETOUR * length(end_x - x, end_y - y):
         return count  # no other one is much shorter
+    if crowd.walkers.shoulder[k] < 0.0:
+        return count  # a long body does not pass sideways
     tight = np.empty((len(route), 2))
     other = path_in(crowd, crowd.obstacles.for_tight, crowd.obstacles.for_tight_graph, x, y, end_x, end_y, tight)
     if other == 0 or (count > 0 and size <= _DETOUR * path_length(tight, other)):
@@ -120,13 +122,13 @@ def shorter_path(crowd: CrowdState, x: float, y: float, end_x: float, end_y: flo
 
 
 @subroutine
-def path_past_people(crowd: CrowdState, x: float, y: float, end_x: float, end_y: float, route: Array) -> int:
+def path_past_people(crowd: CrowdState, k: int, x: float, y: float, end_x: float, end_y: float, route: Array) -> int:
     """`shorter_path` through the people and robots that stand, for a destination that they enclose."""
     obstacles = crowd.obstacles
     count, holes = obstacles.space.added.used[0], obstacles.space.hole_count[0]
     obstacles.space.hole_count[0] = 0
     use_added(obstacles, 0)
-    size = shorter_path(crowd, x, y, end_x, end_y, route)
+    size = shorter_path(crowd, k, x, y, end_x, end_y, route)
     obstacles.space.hole_count[0] = holes
     use_added(obstacles, count)
     return size

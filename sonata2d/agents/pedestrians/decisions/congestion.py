@@ -90,6 +90,6 @@ def _path_without(crowd: CrowdState, k: int, g: int, end_x: float, end_y: float,
         return 0
     set_barrier(added.table, added.used[0], gate[START_X], gate[START_Y], gate[END_X], gate[END_Y], 0.0)
     use_added(obstacles, added.used[0] + 1)
-    count = shorter_path(crowd, x_of(crowd, k), y_of(crowd, k), end_x, end_y, route)
+    count = shorter_path(crowd, k, x_of(crowd, k), y_of(crowd, k), end_x, end_y, route)
     use_added(obstacles, added.used[0] - 1)
     return count

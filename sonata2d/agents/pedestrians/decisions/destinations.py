@@ -167,7 +167,7 @@ def find_new_paths(packed_state: Any, tick: int) -> None:
             count = planned(crowd, k, x_of(crowd, k), y_of(crowd, k), to_x, to_y, route)
             # Such a path is soon blocked again, so that it is looked for less often.
             if count == 0 and (tick // CHECK_INTERVAL + k) % _PAST_PEOPLE_CHECKS == 0:
-                count = path_past_people(crowd, x_of(crowd, k), y_of(crowd, k), to_x, to_y, route)
+                count = path_past_people(crowd, k, x_of(crowd, k), y_of(crowd, k), to_x, to_y, route)
             if count > 0:
                 set_path(routes, crowd.journeys, k, route, count, 1)
 
@@ -204,7 +204,7 @@ def _way_to(crowd: CrowdState, k: int, x: float, y: float, goal_x: float, goal_y
         space, graph = crowd.obstacles.for_passable, crowd.obstacles.for_passable_graph
         count = path_in(crowd, space, graph, x, y, goal_x, goal_y, route)
     if count == 0:
-        count = path_past_people(crowd, x, y, goal_x, goal_y, route)
+        count = path_past_people(crowd, k, x, y, goal_x, goal_y, route)
     if count == 0:
         route[0, 0], route[0, 1], route[1, 0], route[1, 1], count = x, y, goal_x, goal_y, 2
     return count
@@ -334,7 +334,8 @@ def _draw_kind(crowd: CrowdState, k: int) -> int:
     chances = (h.visits, h.joins, h.sits, h.queues, h.exits)
     for n in range(len(chances)):
         if draw < chances[n]:
-            return int(_KINDS[n])
+            # Who is on wheels, or pushes a cart, does not sit down.
+            return NO_TASK if _KINDS[n] == SIT and crowd.rolls[k] else int(_KINDS[n])
         draw -= chances[n]
     return NO_TASK
 

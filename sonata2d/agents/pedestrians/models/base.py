@@ -16,7 +16,7 @@ import numpy as np
 
 from ....core.compiled.kernel import subroutine
 from ....core.compiled.packing import Bools, Floats, Floats2, Ints, Packed, pack
-from ....core.compiled.scalar import RADIUS, Vector, exp, length, towards
+from ....core.compiled.scalar import RADIUS, Vector, exp, extent, length, towards
 from ....core.portable_math import Array
 from ....core.scene import Scene
 from ....registry import PEDESTRIAN_MODELS
@@ -48,7 +48,8 @@ class Walkers(NamedTuple):
             in ascending order; W may exceed the total number.
         group: (M,) of int, the same number for the members of a walking group, less than M; -1 without a group.
         is_abreast: (M,) of bool, whether there is room for each agent to walk abreast of its group.
-        shoulder: (M,), half the length of the shoulder line, across `body_direction`, m; 0 for a disc.
+        shoulder: (M,), half the length of the shoulder line, m, across `body_direction`; of long bodies negative: along
+            it; 0 for a disc.
         headway, politeness: (M,), factors of each agent's time gap to those ahead and of the strength with which it
             avoids others; 1 on average.
         heed: (M,), how much each agent heeds a robot that it has in view, in [0, 1].
@@ -335,7 +336,7 @@ def fill_walls(
         walkers: all agents.
         i: index of the agent.
         barriers: (B, 8), rows of `Barriers.table`.
-        outline: radius and half the length of the shoulder line, m, and unit vector of the heading.
+        outline: radius and `Walkers.shoulder`, m, and unit vector of the heading.
         time: s.
         reach: distance of a barrier beyond which it is left out, m.
 
@@ -352,7 +353,7 @@ def fill_walls(
             continue
         distance = max(math.sqrt(square), 1e-6)
         nx, ny = dx / distance, dy / distance
-        gap = distance - barriers[k, RADIUS] - radius - shoulder * abs(nx * by - ny * bx)
+        gap = distance - barriers[k, RADIUS] - radius - extent(nx, ny, bx, by, shoulder)
         walls[count, 0], walls[count, 1], walls[count, 2] = nx, ny, max(gap, 0.0) / time
         count += 1
     return count

@@ -66,7 +66,7 @@ def contact_acceleration(walkers: Walkers, i: int, parameters: Helbing2000) -> V
     Source: Helbing, Farkas & Vicsek (2000), eq. 2.
     """
     position, velocity, radius, shoulder = walkers.position, walkers.velocity, walkers.radius, walkers.shoulder
-    own_radius = radius[i] + shoulder[i]  # half the breadth: the agents are discs
+    own_radius = radius[i] + abs(shoulder[i])  # the agents are discs around the bodies
     total_x, total_y = 0.0, 0.0
     for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
         j, weight = walkers.neighbour[n], walkers.attention[n]
@@ -74,7 +74,7 @@ def contact_acceleration(walkers: Walkers, i: int, parameters: Helbing2000) -> V
             nx, ny = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
             d = length(nx, ny)
             distance = d if d > 1e-6 else 1.0  # at the same position: no direction, no force
-            overlap = radius[j] + shoulder[j] + own_radius - d  # r_ij - d_ij
+            overlap = radius[j] + abs(shoulder[j]) + own_radius - d  # r_ij - d_ij
             wx, wy = velocity[j, 0] - velocity[i, 0], velocity[j, 1] - velocity[i, 1]  # v_j - v_i
             x, y = _pair_acceleration(nx / distance, ny / distance, overlap, wx, wy, parameters)
             total_x += weight * x
@@ -98,7 +98,7 @@ def wall_contact_acceleration(walkers: Walkers, i: int, barriers: Array, paramet
     Source: Helbing, Farkas & Vicsek (2000), eq. 3.
     """
     vx, vy = walkers.velocity[i, 0], walkers.velocity[i, 1]
-    radius = walkers.radius[i] + walkers.shoulder[i]
+    radius = walkers.radius[i] + abs(walkers.shoulder[i])
     total_x, total_y = 0.0, 0.0
     for n in range(walkers.wall_start[i], walkers.wall_start[i + 1]):
         k = walkers.wall[n]

@@ -256,7 +256,8 @@ def _half_planes(
         The number of half-planes of walls and furniture, and of all.
     """
     p, position, velocity, radius = parameters, walkers.position, walkers.velocity, walkers.radius
-    shoulder, own_radius = walkers.shoulder, radius[i] + walkers.shoulder[i]  # half the breadth: the agents are discs
+    shoulder = walkers.shoulder
+    own_radius = radius[i] + abs(shoulder[i])  # the agents are discs around the bodies
     maximum_speed = p.maximum_speed_ratio * walkers.desired_speed[i]
     x, y, own_velocity = position[i, 0], position[i, 1], (velocity[i, 0], velocity[i, 1])
     hard = 0
@@ -272,7 +273,7 @@ def _half_planes(
             evasion = (0.5 if evades[j] and attention_to(walkers, j, i) > 0.0 else 1.0) * attention
             plane = reciprocal_half_plane(
                 position[j, 0] - x, position[j, 1] - y, own_velocity, (velocity[j, 0], velocity[j, 1]),
-                radius[j] + shoulder[j] + own_radius, evasion, p.horizon, dt,
+                radius[j] + abs(shoulder[j]) + own_radius, evasion, p.horizon, dt,
             )  # fmt: skip
             if _restricts(plane, maximum_speed):
                 planes[count, 0], planes[count, 1], planes[count, 2] = plane

@@ -9,7 +9,7 @@ import numpy as np
 
 from ....core.compiled.kernel import kernel, subroutine
 from ....core.compiled.packing import Floats, Floats2, Ints, Packed, unpack, zeros
-from ....core.compiled.scalar import Vector, clipped, exp, length, rotation, turned_towards
+from ....core.compiled.scalar import Vector, clipped, exp, extent, length, rotation, turned_towards
 from ....core.philox import first_words
 from ....core.portable_math import PI, Array, unit_vectors
 from ....core.scene import Scene
@@ -137,7 +137,7 @@ def with_body(body: Vector, x: float, y: float, speed: float, pace: float, side:
     return x, y, speed
 
 
-# Two bodies: sum of the radii, m; of each body half the length of its shoulder line, m, and the direction of its feet.
+# Two bodies: sum of the radii, m; of each body `Walkers.shoulder`, m, and the direction of its feet.
 Bodies = tuple[float, float, float, float, float, float, float]
 
 
@@ -148,7 +148,7 @@ def contact_distance(nx: float, ny: float, bodies: Bodies) -> float:
     It is the sum of their extents in this direction: exact straight ahead and aside, up to 4 cm too large in between.
     """
     radii, first, x1, y1, second, x2, y2 = bodies
-    return radii + first * abs(nx * y1 - ny * x1) + second * abs(nx * y2 - ny * x2)
+    return radii + extent(nx, ny, x1, y1, first) + extent(nx, ny, x2, y2, second)
 
 
 @subroutine
@@ -532,7 +532,7 @@ def _accelerations(
                 path[count, CONTACT], path[count, WEIGHT] = contact, weight
                 count += 1
         outline = (radius[i], walkers.shoulder[i], body[i, 0], body[i, 1])
-        reach = radius[i] + walkers.shoulder[i] + p.turning_time * _FASTEST
+        reach = radius[i] + abs(walkers.shoulder[i]) + p.turning_time * _FASTEST
         walls = near[: fill_walls(near, walkers, i, barriers, outline, p.turning_time, reach)]
         # Headways slow walkers down; the forces only turn them. Of the walls on each side the strongest push counts, in
         # however many pieces a wall is drawn.
@@ -587,7 +587,7 @@ def _without_bumps(walkers: Walkers, i: int, velocity: Vector, walls: Array, tim
     """
     x, y, radius, shoulder = walkers.position[i, 0], walkers.position[i, 1], walkers.radius[i], walkers.shoulder[i]
     bx, by, direction = walkers.body_direction[i, 0], walkers.body_direction[i, 1], walkers.desired_direction
-    reach = radius + shoulder + time * length(velocity[0], velocity[1])
+    reach = radius + abs(shoulder) + time * length(velocity[0], velocity[1])
     for _ in range(2):  # a limit may push the walker towards what was passed before
         before = velocity
         for w in range(len(walls)):
@@ -595,7 +595,7 @@ def _without_bumps(walkers: Walkers, i: int, velocity: Vector, walls: Array, tim
         for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
             j = walkers.neighbour[n]
             dx, dy = walkers.position[j, 0] - x, walkers.position[j, 1] - y
-            square, limit = dx * dx + dy * dy, reach + walkers.radius[j] + walkers.shoulder[j]
+            square, limit = dx * dx + dy * dy, reach + walkers.radius[j] + abs(walkers.shoulder[j])
             alignment = direction[j, 0] * direction[i, 0] + direction[j, 1] * direction[i, 1]
             if square > limit * limit or walkers.attention[n] == 0.0 or alignment > 0.0:
                 continue
