@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ..core.compiled.packing import Ints
 from ..core.floats import FloatFields
 from ..core.furniture_types import OBJECT_TYPES
+from ..core.person_kinds import BUILT_IN as PERSONS
 from ..core.portable_math import Array
 from ..core.relations import ACTIVITIES, RELATIONS
 from ..core.scene import Scene
@@ -256,7 +257,7 @@ class Humans(SnapshotPart):
     columns = (
         *point(), *velocity(), *direction(), *direction("gaze_cos", "gaze_sin"),
         Column("omega", "rad/s", FASTEST_TURN, -FASTEST_TURN), Column("radius", "m", FARTHEST),
-        Column("shoulder", "m", FARTHEST),
+        Column("shoulder", "m", FARTHEST, -FARTHEST),
     )  # fmt: skip
 
 
@@ -309,7 +310,24 @@ STANDARD: tuple[type[SnapshotPart], ...] = (
 )  # fmt: skip
 """The parts of every observation."""
 
-OPTIONAL: tuple[type[ObservationPart], ...] = ()
+
+class HumanKinds(SnapshotPart):
+    """Kind of each pedestrian; kinds of plug-ins are `other`."""
+
+    name, about, rows_of = "human_kinds", frozenset({"humans"}), "humans"
+    columns = (Column("kind", values=(*(kind.name for kind in PERSONS), "other")),)
+
+    def begin(self, scene: Scene) -> None:
+        names = self.columns[0].values
+        self._kinds = [names.index(human.kind if human.kind in names else "other") for human in scene.humans]
+
+    def fill(self, snapshot: Snapshot, rows: Rows, out: NDArray[Any]) -> None:
+        for n, k in enumerate(rows.humans.tolist()):
+            if k >= 0:
+                out[n] = self._kinds[k]
+
+
+OPTIONAL: tuple[type[ObservationPart], ...] = (HumanKinds,)
 """The other built-in parts, which an environment has if its argument `parts` names them."""
 
 OBSERVATION_PARTS.built_in |= {part.name: f"{__name__}:{part.__name__}" for part in (*STANDARD, *OPTIONAL)}

@@ -81,7 +81,7 @@ _CONSTANT = frozenset({
     "for_passable", "for_passable_graph", "for_places",
 })  # fmt: skip
 _PACE_RATIO = 1.15  # largest ratio of the speeds of two members of a group
-_ROLLING_TIME = 0.5  # s, for which the acceleration across the heading turns a pedestrian that cannot side-step
+_ROLLING_TIME = 0.25  # s, for which the acceleration across the heading turns a pedestrian that cannot side-step
 _ROLLING_PACE = 0.3  # m/s ahead, at least, of the velocity to which it turns, so that braking does not turn it
 _ROLLING_COSINE, _ROLLING_SINE = 0.6967067093471655, 0.7173560908995228  # of 0.8 rad, the largest angle of its turn
 _TRACK_LOOK_AHEAD = 1.0  # s, how far ahead on its track a recorded pedestrian aims

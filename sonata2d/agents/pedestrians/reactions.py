@@ -80,6 +80,8 @@ class Reactions(NamedTuple):
         contact_distance: (N,), m, between the centres of pedestrian and robot at which a shoulder may touch the
             robot: half the breadth, whatever the heading, and the extent of the robot towards the pedestrian.
         size: (N,), m, half the breadth.
+        length: (N,), m, half the length of the middle line of a long body; 0 for others.
+        reach: (N,), m, extent of this line towards the robot.
         elapsed: (N,), s, time that the present reaction has lasted.
         is_exhausted: (N,) of bool, the reaction lasted its full duration and is recovering.
         delay: (N,), s, time for which a pedestrian was kept from its path.
@@ -105,6 +107,8 @@ class Reactions(NamedTuple):
     robot: Ints
     contact_distance: Floats
     size: Floats
+    length: Floats
+    reach: Floats
     elapsed: Floats
     is_exhausted: Bools
     delay: Floats
@@ -134,7 +138,8 @@ def initial_reactions(scene: Scene) -> Reactions:
         is_alone=np.array([human.group is None for human in humans], dtype=bool),
         gap=np.full(count, math.inf),
         clearance=np.where(kind == SCARED, np.maximum(clearance, _SOCIAL_DISTANCE), clearance),
-        size=scene.human_table.circumradius.copy(),
+        size=np.array([human.radius + max(human.shoulder, 0.0) for human in humans], dtype=float),
+        length=np.array([max(-human.shoulder, 0.0) for human in humans], dtype=float),
         walls=np.zeros((len(scene.barriers), 3)),
     )
 
@@ -194,7 +199,8 @@ def notice_robot(
         pose, line = (robot[X], robot[Y], robot[BODY_X], robot[BODY_Y]), (humans[k, X], humans[k, Y])
         gap = gap_to_line(core, robots.rounding[r], *pose, corners_of(robots, r), robots.found, (*line, *line, 0.0))
         reactions.contact_distance[k] = reactions.size[k] + distance - gap
-    reactions.gap[k] = distance - reactions.contact_distance[k]
+    reactions.reach[k] = reactions.length[k] * abs(x * humans[k, BODY_X] + y * humans[k, BODY_Y]) / distance
+    reactions.gap[k] = distance - reactions.contact_distance[k] - reactions.reach[k]
     reactions.robot_direction[k, 0], reactions.robot_direction[k, 1] = x / distance, y / distance
     is_near = reactions.weight[k] > 0.0 and in_sight and reactions.gap[k] < _NOTICE_RANGE
     is_approached = _is_approached(reactions, k, robot, _APPROACH_SPEED)
@@ -390,7 +396,7 @@ def robot_repulsion(reactions: Reactions, k: int, x: float, y: float, robot_x: f
         return 0.0, 0.0
     dx, dy = x - robot_x, y - robot_y
     distance = max(math.sqrt(dx * dx + dy * dy), 1e-6)
-    free = max(distance - reactions.contact_distance[k], 0.0)
+    free = max(distance - reactions.contact_distance[k] - reactions.reach[k], 0.0)
     push = reactions.weight[k] * _REPULSION * exp(free * (-1.0 / _DECAY_LENGTH)) / distance
     return dx * push, dy * push
 

@@ -47,7 +47,6 @@ TOUCHING = 0.01  # m, gap of outlines below which they press against each other
 MAXIMUM_DEPTH = 0.005  # m, of overlap that a pressed body causes by turning
 _BESIDE = 0.5  # m, gap of a wall beside a person that turns; those farther away leave room
 STUCK_DEPTH = 0.02  # m, of a torso in a solid, which the engine moves out where there is room
-LONG_STUCK_DEPTH = 0.002  # m, the same of a body that is longer than broad
 ROBOT_MASS = 1e6  # kg; so large that contacts do not move the robot, and their impulse can still be read
 
 # Items of the scratch array `drive`: the twist of the drive in this tick (body frame), the sums of the executed
@@ -238,9 +237,7 @@ def _is_stuck(buffers: Buffers, k: int) -> bool:
         return False
     guard, humans, torso = buffers.guard, buffers.humans, buffers.guard.torso
     body = torso[k, 0], torso[k, 1], guard.radius[k], guard.shoulder[k]
-    # The ends of a long body sweep far as it turns, so that it stops turning at once.
-    depth = STUCK_DEPTH if guard.shoulder[k] >= 0.0 else LONG_STUCK_DEPTH
-    return outline_gap(buffers.solids, humans[k, X], humans[k, Y], *body, 0.0) < -depth
+    return outline_gap(buffers.solids, humans[k, X], humans[k, Y], *body, 0.0) < -STUCK_DEPTH
 
 
 @subroutine
