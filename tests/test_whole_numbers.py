@@ -240,6 +240,9 @@ CASES: dict[str, Callable[[Number], Any]] = {
     "sonata2d.Pose": lambda n: (s2.Pose(n(1), n(2), n(1)).rounded(), s2.Pose(n(1), n(2)).to_world((n(3), n(4)))),
     "sonata2d.Pose.to_local": lambda n: s2.Pose(1.0, 2.0, 0.5).to_local((n(3), n(4))),
     "sonata2d.Pose.to_world": lambda n: s2.Pose(1.0, 2.0, 0.5).to_world((n(3), n(4))),
+    "sonata2d.PersonKind": lambda n: s2.PersonKind(
+        "runner", breadth=(n(1), n(1)), length=(n(2), n(3)), desired_speed=(n(3), n(1), n(2), n(4)), headway=n(1)
+    ),
     "sonata2d.FurnitureType": lambda n: s2.FurnitureType("sofa", (n(2), n(1)), clearance=n(1)),
     "sonata2d.Dataset.save": lambda n: split(n)[2],
     "sonata2d.Scene": lambda n: (scene_of(n), document(s2.SocialPlanner(), scene_of(n))),

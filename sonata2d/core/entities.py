@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
+from .attributes import Attributes
 from .bounds import ADDITIVE, Capacity, Count, Fraction, Id, NotNegative, Number, Positive
 from .geometry import Disc, Point, Pose, Rectangle, Shape, Stadium, quantised
 from .vectors import wrap_angle
@@ -48,6 +49,7 @@ class Furniture:
         shape: solid outline.
         on: id of the object that carries this one; a carried object has no physical body. None: it is on the floor.
         seat: whether one pedestrian can sit on it, above its centre and facing its front; None: see `is_seat_by_type`.
+        attributes: values by name, see `Scene.attributes`; None: there are none.
     """
 
     id: Id
@@ -56,6 +58,7 @@ class Furniture:
     shape: Shape
     on: Id | None = None
     seat: bool | None = None
+    attributes: Attributes | None = field(default=None, metadata=ADDITIVE)
 
     @property
     def front(self) -> Point:
@@ -164,10 +167,12 @@ class Area:
     Attributes:
         name: unique among areas.
         polygon: corners in order, m, world frame.
+        attributes: values by name, see `Scene.attributes`; None: there are none.
     """
 
     name: str
     polygon: tuple[Point, ...]
+    attributes: Attributes | None = field(default=None, metadata=ADDITIVE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,6 +217,7 @@ class Human:
             0: the body is not longer than broad.
         side_steps: whether the pedestrian can move sideways. One that cannot, because it is on wheels or pushes a cart,
             moves along its heading only, and turns to where it wants to go.
+        attributes: values by name, see `Scene.attributes`; None: there are none.
     """
 
     id: Id
@@ -241,6 +247,7 @@ class Human:
     kind: str = field(default=DEFAULT_KIND, metadata=ADDITIVE)
     length: NotNegative = field(default=0.0, metadata=ADDITIVE)
     side_steps: bool = field(default=True, metadata=ADDITIVE)
+    attributes: Attributes | None = field(default=None, metadata=ADDITIVE)
 
     @property
     def shoulder(self) -> float:

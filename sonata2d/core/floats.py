@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import fields, is_dataclass
 from functools import cache
 from operator import is_
-from typing import Any, get_args, get_type_hints
+from types import UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from .arguments import finite_number
 
@@ -49,7 +50,9 @@ def _fields_with_floats(dataclass: Any) -> tuple[str, ...]:
 
 
 def _has_floats(hint: Any) -> bool:
-    """Whether values of a type are floats, or tuples or dataclasses with floats."""
+    """Whether values of a type are floats, or tuples or dataclasses with floats; one of floats or flags is none."""
+    if get_origin(hint) in (Union, UnionType) and bool in get_args(hint):
+        return False
     is_record = isinstance(hint, type) and is_dataclass(hint) and bool(_fields_with_floats(hint))
     return hint is float or is_record or any(map(_has_floats, get_args(hint)))
 

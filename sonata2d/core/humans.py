@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .entities import DEFAULT_KIND, Human, Interaction, half_shoulder_line
 from .geometry import Point, Pose
 from .portable_math import Array, IntArray, angle_of, arctan2
-from .relations import ACTIVITIES, ACTIVITY, RELATION, WALKING_TOGETHER
+from .relations import ACTIVITIES, ACTIVITY, RELATION
 from .wording import counted
 
 # Columns of the (N, 9) state of the pedestrians, world frame: position, velocity, unit vectors of the body's heading
@@ -263,6 +263,7 @@ def activity_indices(alone: Mapping[int, str], interactions: Iterable[Interactio
     for interaction in interactions:
         for id in (interaction.src, interaction.dst):
             # an object has no activity, and a group that pauses does not walk
-            if id in alone and (interaction.relation != WALKING_TOGETHER or alone[id] == "walking"):
-                activity[id] = RELATION[interaction.relation].activity
+            relation = RELATION[interaction.relation]
+            if id in alone and (relation.group != "walking" or alone[id] == "walking"):
+                activity[id] = relation.activity
     return frozen(np.array([ACTIVITIES.index(name) for name in activity.values()], dtype=np.int64))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -28,6 +29,7 @@ class Activity:
         stride: from the middle to the foremost position of a foot that walks.
         limbs: lines of arms or thighs.
         width: of these lines.
+        gesture: angle by which the limbs swing to both sides of the body, rad.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Activity:
     stride: float = 0.0
     limbs: tuple[Line, ...] = ()
     width: float = 0.0
+    gesture: float = 0.0
 
 
 _WALKING_FOOT = (0.0, 0.38, 0.36, 0.17)
@@ -72,6 +75,19 @@ ACTIVITY: dict[str, Activity] = {
             "queueing", "queueing", (136, 34, 85),
             limbs=(((0.0, 0.78), (0.5, 0.4), (0.5, -0.4), (0.0, -0.78)),), width=0.24,
         ),
+        Activity(
+            "arguing", "arguing", (213, 94, 0), alone="standing",
+            limbs=(((0.1, -0.78), (0.6, -0.9), (1.05, -0.5)), ((0.1, 0.78), (0.6, 0.95), (0.9, 1.0))), width=0.22,
+            gesture=0.35,
+        ),
+        Activity(
+            "handing over", "handing something over", (68, 170, 153), alone="standing",
+            limbs=(((0.1, -0.78), (0.7, -0.55), (1.25, -0.1)), ((0.1, 0.78), (0.7, 0.55), (1.25, 0.1))), width=0.2,
+        ),
+        Activity(
+            "caring", "caring for somebody", (51, 34, 136), alone="standing",
+            limbs=(((0.1, -0.78), (0.75, -0.6), (1.2, -0.35)), ((0.1, 0.78), (0.5, 0.7), (0.75, 0.3))), width=0.2,
+        ),
     )
 }  # fmt: skip
 ACTIVITIES = tuple(ACTIVITY)
@@ -91,6 +107,9 @@ class Relation:
         humans: number of pedestrians, 2 or 1; one attends to an object.
         group: kind of the groups whose members have this relation to each other; None: no group.
         line_radius: half the width of the line of attention, m, which others should not cross; 0: there is none.
+        at: type of furniture of the object; an empty text: the types that name this relation.
+        in_file: whether the pedestrians walk one behind the other.
+        by_follower: whether the one behind has the relation to the one ahead, instead of the one ahead to it.
     """
 
     name: str
@@ -102,6 +121,9 @@ class Relation:
     humans: int = 1
     group: Literal["talking", "walking"] | None = None
     line_radius: float = 0.05
+    at: str = ""
+    in_file: bool = False
+    by_follower: bool = False
 
 
 TALKING = "two_static_person_talking"
@@ -109,6 +131,12 @@ AT_LAPTOP = "human_laptop_interaction"
 AT_PLANT = "human_plant_interaction"
 WALKING_TOGETHER = "wandering_human_interacting"
 AT_OBJECT = "human_object_interaction"
+ARGUING = "arguing"
+HANDING_OVER = "handing_over"
+CARING = "caring_for"
+WATCHING_TV = "watching_tv"
+LEADING = "leading"
+FOLLOWING = "following"
 
 # Observations have the index of a relation: append only.
 RELATION: dict[str, Relation] = {
@@ -125,7 +153,35 @@ RELATION: dict[str, Relation] = {
             humans=2, group="walking", line_radius=0.0,
         ),
         Relation(AT_OBJECT, "person at an object", "at_object", "object_distance", "looking"),
+        Relation(
+            ARGUING, "arguing pair", "arguing_pairs", "arguing_distance", "arguing",
+            humans=2, group="talking", line_radius=0.3,
+        ),
+        Relation(
+            HANDING_OVER, "pair that hands something over", "handing_over_pairs", "handing_over_distance",
+            "handing over", humans=2, group="talking", line_radius=0.3,
+        ),
+        Relation(
+            CARING, "person who cares for another", "caring_pairs", "caring_distance", "caring",
+            humans=2, group="talking", line_radius=0.3,
+        ),
+        Relation(WATCHING_TV, "person who watches TV", "watching_tv", "tv_distance", "looking", at="tv"),
+        Relation(
+            LEADING, "person who leads another", "leading_pairs", "leading_distance", "walking together", "wandering",
+            humans=2, group="walking", line_radius=0.0, in_file=True,
+        ),
+        Relation(
+            FOLLOWING, "person who follows another", "following_pairs", "leading_distance", "walking together",
+            "wandering", humans=2, group="walking", line_radius=0.0, in_file=True, by_follower=True,
+        ),
     )
 }  # fmt: skip
 RELATIONS = tuple(RELATION)
+_FIRST_ACTIVITIES = 8  # which every file lists
 ORIGINAL_RELATIONS = RELATIONS[:4]  # of the SONATA toolkit (2020)
+
+
+def activities_with(relations: Iterable[str]) -> tuple[str, ...]:
+    """The activities that a file lists: the first ones, and those up to the last one that its relations need."""
+    needed = (ACTIVITIES.index(RELATION[name].activity) + 1 for name in relations)
+    return ACTIVITIES[: max([_FIRST_ACTIVITIES, *needed])]

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from .attributes import Attributes, AttributeSpec
 from .bounds import ADDITIVE, Fraction, NotNegative, Positive, Steps
 from .drawable import Drawable
 from .entities import (
@@ -143,6 +144,7 @@ class Scene(FloatFields, Drawable):
         walls: all walls, starting with the edges of the outline and of the holes.
         holes: parts of the room without floor, each as corners in order, m.
         areas: named parts of the floor.
+        attributes: declared attributes of people, objects and areas, and the attributes of the episode.
         doors, queues, places: where pedestrians enter and leave, stand in line, and like to go.
         seed, episode: what the scene was generated from; they also seed the choices that pedestrians make.
         settings: resolved scenario settings as JSON values; None for a scene that was not generated.
@@ -177,6 +179,7 @@ class Scene(FloatFields, Drawable):
     robot_id: int = ROBOT_ID
     holes: tuple[tuple[Point, ...], ...] = ()
     areas: tuple[Area, ...] = ()
+    attributes: tuple[AttributeSpec, ...] = ()
 
     def __repr__(self) -> str:
         people, objects = counted(len(self.humans), "person"), counted(len(self.furniture), "object")
@@ -314,6 +317,22 @@ class Scene(FloatFields, Drawable):
     def floor_area(self) -> float:
         """Area of the room without its holes, m²."""
         return polygon_area(self.polygon) - sum(polygon_area(hole) for hole in self.holes)
+
+    def attributes_of(self, id: int | None = None) -> Attributes:
+        """Values of the attributes of a person or an object, by name; of the episode without an id.
+
+        Raises:
+            KeyError: there is no such person or object.
+        """
+        if id is None:
+            return {
+                spec.name: spec.value for spec in self.attributes if spec.of == "episode" and spec.value is not None
+            }
+        entities: list[Human | Furniture] = [*self.humans, *self.furniture]
+        for entity in entities:
+            if entity.id == id:
+                return entity.attributes or {}
+        raise KeyError(f"there is no person or object {id}")
 
     @cached_property
     def human_table(self) -> HumanTable:

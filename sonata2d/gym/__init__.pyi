@@ -1,3 +1,4 @@
+from .attributes import register_attribute_parts as register_attribute_parts
 from .demonstrations import (
     Demonstration as Demonstration,
     EnvSamples as EnvSamples,

@@ -9,6 +9,7 @@ from typing import Literal
 from ..core.arguments import positive_number, whole_number
 from ..core.floats import make_floats
 from ..record.record import EpisodeRecord
+from .graph.attributes import with_attributes
 from .graph.graph import INTERVAL, Graph
 from .graph.modern import FRAMES, modern_graph
 from .graph.paper import kept_ticks, paper_graphs
@@ -24,6 +25,7 @@ class GraphSamples:
         frame: frame of reference of modern graphs: `world`, `robot` or `goal`.
         instants: number of instants of modern graphs, 1 or more; graphs at the start of an episode have fewer.
         interval: time between the instants of a modern graph, s; a multiple of the tick length.
+        attributes: whether the attributes of people and objects are features; see `learning.graph.with_attributes`.
 
     Raises:
         ValueError: there is no such kind or frame, or a number is not positive.
@@ -41,6 +43,7 @@ class GraphSamples:
     frame: Literal["world", "robot", "goal"] = "robot"
     instants: int = 3
     interval: float = INTERVAL
+    attributes: bool = False
 
     def __post_init__(self) -> None:
         if self.kind not in ("modern", "paper"):
@@ -59,8 +62,9 @@ class GraphSamples:
             RecordError: the source of an imported episode has no robot or no goal.
         """
         record = record.until_arrival()
-        if self.kind == "paper":
-            yield from paper_graphs(record)
-            return
+        for graph in paper_graphs(record) if self.kind == "paper" else self._modern_graphs(record):
+            yield with_attributes(graph, record.scene()) if self.attributes else graph
+
+    def _modern_graphs(self, record: EpisodeRecord) -> Iterator[Graph]:
         for tick in kept_ticks(record.time[: len(record)], self.every):
             yield modern_graph(record, tick, frame=self.frame, instants=self.instants, interval=self.interval)

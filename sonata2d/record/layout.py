@@ -9,6 +9,7 @@ from dataclasses import fields
 from functools import cache
 from typing import Any, TypeVar
 
+from ..core.attributes import AttributeSpec
 from ..core.entities import (
     ROBOT_ID,
     Area,
@@ -74,7 +75,8 @@ def scene_to_json(scene: Scene) -> JsonDict:
         "room": {"polygon": scene.polygon} | ({"holes": scene.holes} if scene.holes else {}),
         "walls": [(*wall.start, *wall.end) for wall in scene.walls],
         **{key: [_entity_to_json(entity) for entity in getattr(scene, name)] for key, (name, _) in _LISTS.items()},
-        **({"areas": [_fields_of(area) for area in scene.areas]} if scene.areas else {}),
+        **({"areas": [_entity_to_json(area) for area in scene.areas]} if scene.areas else {}),
+        **({"attributes": [_entity_to_json(spec) for spec in scene.attributes]} if scene.attributes else {}),
         "interactions": interaction_rows(scene.interactions),
         "robot": _entity_to_json(scene.robot),
         "goal": _fields_of(scene.goal),
@@ -100,7 +102,8 @@ def scene_from_json(document: JsonDict) -> Scene:
         family=document["family"],
         polygon=_tuples(document["room"]["polygon"]),
         holes=tuple(map(_tuples, document["room"].get("holes") or ())),
-        areas=tuple(Area(row["name"], _tuples(row["polygon"])) for row in document.get("areas") or ()),
+        areas=tuple(_entity_from_json(Area, row) for row in document.get("areas") or ()),
+        attributes=tuple(_entity_from_json(AttributeSpec, row) for row in document.get("attributes") or ()),
         walls=tuple(Wall((x1, y1), (x2, y2)) for x1, y1, x2, y2 in document["walls"]),
         interactions=interactions_from_rows(document["interactions"]),
         robot=_entity_from_json(Robot, document["robot"]),
@@ -174,7 +177,7 @@ _LISTS: dict[str, tuple[str, type]] = {
 # defaults of the fields of entities that a file holds only where they differ
 _ADDITIVE: dict[Any, dict[str, Any]] = {
     kind: {each.name: each.default for each in fields(kind) if each.metadata.get("additive")}
-    for kind in (Robot, Human, Social)
+    for kind in (Robot, Human, Social, Furniture, Area, AttributeSpec)
 }
 _SHAPES: dict[str, type] = {"disc": Disc, "rectangle": Rectangle, "polygon": Polygon}
 _SHAPE_NAMES = {kind: name for name, kind in _SHAPES.items()}

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_type_hints
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, GetCoreSchemaHandler, create_model
 from pydantic_core import CoreSchema
 
+from ..core.attributes import AttributeSpec
 from ..core.bounds import Count, Id, NotNegative, Number, Positive
 from ..core.devices import DeviceEvent
 from ..core.entities import Area, Door, Furniture, Goal, Group, Human, Place, Queue, Robot
@@ -378,6 +379,12 @@ class Episode(Part):
     places: _Entities[_InFile[Place]] = Field(description="of interest, to which wandering pedestrians go")
     areas: list[_InFile[Area]] | None = Field(
         default=None, max_length=MAX_COUNT, description="named parts of the floor; absent if there are none"
+    )
+    attributes: list[_InFile[AttributeSpec]] | None = Field(
+        default=None,
+        max_length=MAX_COUNT,
+        description="declared attributes of people, objects and areas, and those of the episode; absent if there are "
+        "none",
     )
     humans: list[_InFile[Human]] = Field(description="in the order of the rows in frames")
     groups: list[_InFile[Group]]

@@ -19,7 +19,7 @@ import orjson
 from ..core.files.locations import location
 from ..core.geometry import PRECISION, quantised
 from ..core.labels import LabelSpec
-from ..core.relations import ACTIVITIES
+from ..core.relations import activities_with
 from ..core.scene import Scene
 from ..core.snapshot import ControllerInfo, Frame, Frames, Outcome, Snapshot, Status
 from ..core.state import State
@@ -293,7 +293,7 @@ class EpisodeRecorder:
             "context": to_json_value(self._context or (scene.settings or {}).get("context"), "context"),
             "branched_from": branched and {"id": branched[0], "tick": branched[1]},
             "columns": columns(),
-            "activities": ACTIVITIES,
+            "activities": activities_with(i.relation for i in scene.interactions),
             "outcome": {
                 "status": outcome.status,
                 "reason": outcome.reason.encode(errors="replace").decode(),

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import orjson
 
+from ..core.attributes import AttributeSpec
 from ..core.entities import ROBOT_ID, is_seat_by_type
 from ..core.files.limits import MAX_COUNT
 from ..core.humans import Humans
@@ -126,6 +127,7 @@ def _content_findings(document: JsonDict) -> Iterator[Finding]:
     yield from _depth_findings(document)
     yield from _id_findings(document)
     yield from _activity_findings(document["activities"])
+    yield from _attribute_findings(document)
     yield from _column_findings(document["columns"])
     yield from _label_findings(document)
     yield from _state_findings(document, states)
@@ -192,6 +194,21 @@ def _start_findings(document: JsonDict, queue_ids: set[int]) -> Iterator[Finding
     for seat, count in seats.items():
         if count > 1:
             yield "humans", f"{count} people sit on object {seat}"
+
+
+def _attribute_findings(document: JsonDict) -> Iterator[Finding]:
+    """Attributes must be declared, and their values as declared."""
+    specs = {(row["of"], row["name"]): AttributeSpec(**row) for row in document.get("attributes") or ()}
+    for (of, name), spec in specs.items():
+        if spec.value is not None and (of != "episode" or spec.problem(spec.value)):
+            yield "attributes", f"the value of {name} is not as declared"
+    for of, key in (("people", "humans"), ("objects", "objects"), ("areas", "areas")):
+        for k, row in enumerate(document.get(key) or ()):
+            for name, value in (row.get("attributes") or {}).items():
+                declared = specs.get((of, name))
+                problem = declared.problem(value) if declared else "is not declared"
+                if problem:
+                    yield f"{key}.{k}.attributes", f"{name} {problem}"
 
 
 def _activity_findings(names: list[str]) -> Iterator[Finding]:
@@ -312,14 +329,8 @@ def _ids_at(document: JsonDict, robot: int, tick: int) -> SimpleNamespace:
     activity = document["frames"][tick]["activity"]
     ids = [human["id"] for human, each in zip(document["humans"], activity, strict=True) if each != ABSENT]
     zeros = np.zeros(len(ids))
-    humans = Humans(
-        np.zeros((len(ids), HUMAN_SIZE)),
-        np.array(ids, dtype=int),
-        zeros,
-        zeros,
-        zeros.astype(int),
-        np.zeros(len(ids), str),
-    )
+    columns = np.array(ids, dtype=int), zeros, zeros, zeros.astype(int), np.zeros(len(ids), dtype=str)
+    humans = Humans(np.zeros((len(ids), HUMAN_SIZE)), *columns)
     robots = [ROBOT_ID, *(other["id"] for other in document.get("robots") or ())]
     return SimpleNamespace(humans=humans, robots=[SimpleNamespace(id=id) for k, id in enumerate(robots) if k != robot])
 

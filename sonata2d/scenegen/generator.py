@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -35,6 +35,7 @@ from .placed import (
 from .placement import Layout, cluster_radius
 from .robot_task import draw_other_robots, draw_robot_task, reserved_outlines
 from .sampling import EntityCluster, TypeStreams, sample_entities, shape_of
+from .scenario.attributes import AttributesConfig
 from .scenario.config import ScenarioConfig
 from .scenario.load import scenario_of
 
@@ -91,7 +92,25 @@ def generate(config: str | Path | ScenarioConfig, seed: int = 0, episode: int = 
     if scene.robots:
         last = max([0, *(human.id for human in scene.humans), *(piece.id for piece in scene.furniture)])
         scene = replace(scene, robots=tuple(replace(robot, id=last + k) for k, robot in enumerate(scene.robots, 1)))
+    if config.attributes.specs:
+        scene = _with_attributes(scene, config.attributes, partial(RandomStream, seed, episode, "attributes"))
     return scene.drawn_as(seed, episode, config.settings())
+
+
+def _with_attributes(scene: Scene, config: AttributesConfig, stream: Callable[..., RandomStream]) -> Scene:
+    """Draw the attributes that are not given. Each holder has a random stream, so that they change nothing else."""
+    episode = config.draw("episode", None, stream()) or {}
+    return replace(
+        scene,
+        humans=tuple(replace(h, attributes=config.draw("people", h.attributes, stream(h.id))) for h in scene.humans),
+        furniture=tuple(
+            replace(f, attributes=config.draw("objects", f.attributes, stream(f.id))) for f in scene.furniture
+        ),
+        areas=tuple(replace(a, attributes=config.draw("areas", a.attributes, stream(a.name))) for a in scene.areas),
+        attributes=tuple(
+            replace(spec, value=episode.get(spec.name) if spec.of == "episode" else None) for spec in config.specs
+        ),
+    )
 
 
 def _most_frequent(failures: list[SceneError]) -> SceneError:
@@ -158,7 +177,7 @@ def _try_layout(
         polygon=plan.polygon,
         walls=plan.walls,
         holes=plan.holes,
-        areas=tuple(Area(area.name, area.corners) for area in config.areas),
+        areas=tuple(Area(area.name, area.corners, area.attributes) for area in config.areas),
         furniture=entities.furniture,
         humans=(*listed, *entities.humans),
         robot=robot,

@@ -81,7 +81,7 @@ def number_entities(
             for k, cluster, kind in groups
         ),
         tuple(
-            Interaction(ids[a], relation.name, ids[b])
+            interaction(relation, ids[a], ids[b])
             for k, cluster, relation in related
             for a, b in _interacting_keys(k, cluster, relation)
         ),
@@ -91,6 +91,12 @@ def number_entities(
             for key, piece in furniture.items()
         ),
     )
+
+
+def interaction(relation: Relation, first: int, second: int) -> Interaction:
+    """The interaction of two members of a pair or group, by their ids; the first one walks ahead."""
+    ends = (second, first) if relation.by_follower else (first, second)
+    return Interaction(ends[0], relation.name, ends[1])
 
 
 def free_ids(taken: Collection[int | None], count: int) -> list[int]:

@@ -47,7 +47,12 @@ def _given_shape(settings: FurnitureConfig) -> Shape | None:
 def fixed_furniture(config: ScenarioConfig) -> tuple[Furniture, ...]:
     """Create the furniture at fixed positions, numbered from 0; a laptop that overlaps a table lies on it."""
     pieces = [
-        replace(create_piece(config, p.type, _given_shape(p), p.seat), id=k, pose=Pose(p.x, p.y, p.theta).rounded())
+        replace(
+            create_piece(config, p.type, _given_shape(p), p.seat),
+            id=k,
+            pose=Pose(p.x, p.y, p.theta).rounded(),
+            attributes=p.attributes,
+        )
         for k, p in enumerate(config.furniture)
     ]
     return tuple(replace(piece, on=_support(piece, pieces)) for piece in pieces)

@@ -11,20 +11,20 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..core.entities import DEFAULT_KIND, Furniture, Group, Human, Interaction
+from ..core.entities import DEFAULT_KIND, Furniture, Group, Human
 from ..core.files.limits import MAX_TRACK_POINTS
 from ..core.geometry import Barriers, Disc, Point, Pose, Stadium, canonical_angle, quantised
 from ..core.navigation import FreeSpace
 from ..core.outlines import outline_row, shape_gap
 from ..core.portable_math import PI, angle_of
-from ..core.relations import TALKING, WALKING_TOGETHER
+from ..core.relations import RELATION, TALKING, WALKING_TOGETHER
 from ..core.rng import RandomStream
 from ..core.scene import Scene
 from ..errors import SceneError
 from ..registry import person_kind
 from .floor_plans import FloorPlan
 from .human_sampling import body_of_kind, draw_kind
-from .numbering import NumberedEntities, free_ids
+from .numbering import NumberedEntities, free_ids, interaction
 from .pieces import faces_ahead
 from .placement import Layout
 from .robot_task import reserved_outlines
@@ -186,11 +186,13 @@ def create_placed_entities(
     groups = {number: ids for number, ids in members.items() if len(ids) > 1}
     humans = [_adapt_to_group(human, person, humans) for human, person in zip(humans, people, strict=True)]
     talking = {human.group for human in humans if human.behaviour == "standing"}
+    given = {person.group: person.relation for person in people if person.relation is not None}
+    relation_of = {n: RELATION[given.get(n, TALKING if n in talking else WALKING_TOGETHER)] for n in groups}
     pairs = ((number, pair) for number, ids in groups.items() for pair in combinations(ids, 2))
     return NumberedEntities(
         tuple(human if human.group in groups else replace(human, group=None) for human in humans),
         tuple(_create_group(number, ids, number in talking) for number, ids in sorted(groups.items())),
-        tuple(Interaction(a, TALKING if n in talking else WALKING_TOGETHER, b) for n, (a, b) in pairs),
+        tuple(interaction(relation_of[n], a, b) for n, (a, b) in pairs),
     )
 
 
@@ -244,6 +246,7 @@ def _create_human(spec: PersonSpec, id: int, defaults: PersonConfig, dt: float, 
         enters=enters,
         leaves=None if spec.leaves is None else max(int(spec.leaves / dt + 1.0 - _TOLERANCE), enters + 1),
         exits=spec.exits,
+        attributes=spec.attributes,
         stays=tuple(quantised(spec.stay.draw(rng)) for _ in spec.goals[1:]) if spec.stay.max > 0.0 else (),
         **properties,
     )

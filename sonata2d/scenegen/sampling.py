@@ -107,21 +107,35 @@ class _Sampler:
             if config.furniture[k].attracts:
                 self.free_fixed[furniture_type(config.furniture[k].type).relation].append(k)
         drawn = [kind for kind in furniture_types().values() if kind.count or kind == LAPTOP]
-        self.attended = {relation: [kind for kind in drawn if kind.relation == relation] for relation in RELATION}
+        self.attended = {
+            name: [kind for kind in drawn if (kind.name == row.at if row.at else kind.relation == name)]
+            for name, row in RELATION.items()
+        }
 
     def add_relation(self, name: str) -> None:
         """Add a relation with new pedestrians."""
         relation = RELATION[name]
-        if name == TALKING:
-            theta = PI + self.config.talking_angle.draw(self.rng)
-            self._add(relation, [_ORIGIN, Pose(self.config.talking_distance.draw(self.rng), 0.0, theta)])
-        elif name == WALKING_TOGETHER:
-            self._add(relation, [_ORIGIN, Pose(0.0, self.config.pair_spacing.draw(self.rng))])
-        elif self.free_fixed[name]:
-            fixed, distance = self.free_fixed[name].pop(), getattr(self.config, relation.distance)
+        distance = getattr(self.config, relation.distance)
+        if relation.group == "talking":
+            theta = PI + self.config.talking_angle.draw(self.rng) if name == TALKING else PI
+            self._add(relation, [_ORIGIN, Pose(distance.draw(self.rng), 0.0, theta)])
+        elif relation.in_file:
+            self._add(relation, [_ORIGIN, Pose(-distance.draw(self.rng), 0.0)])
+        elif relation.group == "walking":
+            self._add(relation, [_ORIGIN, Pose(0.0, distance.draw(self.rng))])
+        elif (fixed := self._take_fixed(relation)) is not None:
             self._add(relation, [_ORIGIN], fixed=fixed, distance=distance)
         else:
             self._add_at_drawn_furniture(relation)
+
+    def _take_fixed(self, relation: Relation) -> int | None:
+        """Take a free piece of fixed furniture to which a pedestrian can attend; its index, None if there is none."""
+        for name in [relation.name] if not relation.at else self.free_fixed:
+            free = self.free_fixed[name]
+            for n in range(len(free) - 1, -1, -1):
+                if not relation.at or self.config.furniture[free[n]].type == relation.at:
+                    return free.pop(n)
+        return None
 
     def add_groups(self) -> None:
         """Add the walking and talking groups with new pedestrians."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import pygame
 
+from ..core.attributes import attribute_text
+from ..core.geometry import Point
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from .annotations import SMALL, STRIP, Label, draw_labels, draw_strip, summary
@@ -15,7 +18,7 @@ from .figures import draw_way, goal_part, human_parts, robot_part
 from .furniture import draw_furniture, half_size
 from .landmarks import draw_landmarks
 from .layers import Layers, draw_gazes, draw_interactions, draw_velocities, draw_zones
-from .palette import FAINT, PAPER, WALL, Colour
+from .palette import FAINT, INK, PAPER, WALL, Colour
 from .projection import DEFAULT_SIDE, Camera
 from .room import draw_room
 from .trails import Trails, draw_trails
@@ -113,22 +116,29 @@ def draw_moving_parts(
         draw_velocities(brush, snapshot, humans)
 
 
-def draw_ids(canvas: Picture, camera: Camera, snapshot: Snapshot, layers: Layers) -> None:
-    """Draw the ids on a picture of its final size, if the layers have them."""
-    if not layers.ids:
-        return
-    labels = [
-        Label(str(human.id), camera.to_pixels(human.pose.position), human.breadth / 2 * camera.scale)
-        for human in snapshot.humans
-    ]
-    labels += [
-        Label(str(robot.id), camera.to_pixels(robot.position), robot.radius * camera.scale) for robot in snapshot.robots
-    ]
-    labels += [
-        Label(str(item.id), camera.to_pixels(item.pose.position), 0.7 * min(half_size(item)) * camera.scale, FAINT)
-        for item in snapshot.objects
-    ]
-    draw_labels(canvas, labels, min(max(round(_LABEL * camera.scale), _MIN_LABEL), SMALL))
+def draw_words(canvas: Picture, camera: Camera, snapshot: Snapshot, layers: Layers) -> None:
+    """Draw ids and attributes on a picture of its final size, as far as the layers have them."""
+    scene = snapshot.scene
+    given = {}
+    if layers.attributes and scene.attributes:
+        given = {human.id: attribute_text(human.attributes) for human in scene.humans}
+        given |= {piece.id: attribute_text(piece.attributes) for piece in scene.furniture}
+
+    def label(id: int, position: Point, radius: float, colour: Colour = INK) -> Iterator[Label]:
+        words = [str(id)] if layers.ids else []
+        words += [given[id]] if given.get(id) else []
+        if words:
+            yield Label("  ".join(words), camera.to_pixels(position), radius * camera.scale, colour)
+
+    labels: list[Label] = []
+    for human in snapshot.humans:
+        labels += label(human.id, human.pose.position, max(human.breadth, human.length) / 2)
+    for robot in snapshot.robots:
+        labels += label(robot.id, robot.position, robot.radius)
+    for item in snapshot.objects:
+        labels += label(item.id, item.pose.position, 0.7 * min(half_size(item)), FAINT)
+    if labels:
+        draw_labels(canvas, labels, min(max(round(_LABEL * camera.scale), _MIN_LABEL), SMALL))
 
 
 def draw_caption(

@@ -124,7 +124,10 @@ export class SceneDrawing {
     now.people.forEach(human => this.drawHuman(human, now.time));
     for (const {id, x, y, theta, touches} of robots) this.place((touches ? "touching" : "robot") + (id ? ` ${id}` : ""), x, y, theta);
     pen.setTransform(fine, 0, 0, fine, 0, 0);
-    if (layers.ids) Object.values(places).forEach(item => this.drawId(item));
+    for (const item of Object.values(places)) {
+      const words = [layers.ids ? item.id : "", layers.attributes === false ? "" : item.words].filter(word => word || word === 0);
+      if (words.length) this.drawWords(item, words.join("  "));
+    }
     finish(pen, camera);
   }
 
@@ -224,7 +227,7 @@ export class SceneDrawing {
         if (stride) {
           const swing = Math.sin(Math.PI * time / .75 + human.id);
           for (const side of [-1, 1]) this.place(limbs, side * swing * stride * size, side * aside * size, 0, size);
-        } else this.place(limbs, 0, 0, 0, size);
+        } else this.place(limbs, 0, 0, (this.scene.gestures[limbs] ?? 0) * Math.sin(Math.PI * time / .75 + human.id), size);
         this.round(.46 * size, .9 * (radius + half)); this.fill(tones.dark);
         this.round(.46 * size - .022, .9 * (radius + half) - .022); this.fill(tones.fill);
       });
@@ -284,9 +287,9 @@ export class SceneDrawing {
     });
   }
 
-  drawId(item) {
-    const {pen, camera} = this, size = .17 * camera.scale, [x, y] = toPixels(camera, item.x, item.y);
-    const label = [item.id, x, y - (item.radius + .06) * camera.scale];
+  drawWords(item, words) {
+    const {pen, camera} = this, size = (item.words ? .13 : .17) * camera.scale, [x, y] = toPixels(camera, item.x, item.y);
+    const label = [words, x, y - (item.radius + .06) * camera.scale];
     pen.font = `600 ${size}px system-ui, sans-serif`; pen.textAlign = "center"; pen.lineJoin = "round";
     pen.lineWidth = .06 * camera.scale; pen.strokeStyle = "#fff"; pen.strokeText(...label);
     pen.fillStyle = this.scene.colours.ink; pen.fillText(...label);

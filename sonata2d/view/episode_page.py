@@ -24,6 +24,7 @@ _SWITCHES = {  # layers that have a check box on the page, and its text; the leg
     "goal": english("goal"),
     "zones": "intimate and personal space",
     "ids": "ids",
+    "attributes": "attributes",
 }
 _LAYERS = {"gaze": "gaze", "interaction": "links", "goal": "goal", "paths": "trails", "zones": "zones"}  # of symbols
 
@@ -72,6 +73,7 @@ def _episode_data(drawing: Drawing, layers: Layers) -> dict[str, Any]:
     """The scene, all states, commands and labels of an episode."""
     scene = drawing.snapshots[0].scene
     unknown = ({"gaze"} if "heads" in scene.unmeasured else set()) | ({"goal"} & scene.unmeasured)
+    unknown |= set() if scene.attributes else {"attributes"}
     is_driven = "robot" not in scene.unmeasured
     rows = None if drawing.commands is None else np.asarray(drawing.commands, dtype=float).round(3).tolist()
     labels = None

@@ -47,7 +47,8 @@ def human_parts(
         plain = partial(draw_plain_body, activity=activity, r=r, ignores_robot=ignores_robot)
         return [(human.pose.position, ((("person", activity, r, None, ignores_robot), plain, (1.0, 0.0)),))]
     kind = person_kind(human.kind)
-    if ACTIVITY[kind.limbs or activity].stride:
+    shown = ACTIVITY[kind.limbs or activity]
+    if shown.stride or shown.gesture:
         swing = round(math.sin(math.pi * time / _STRIDE + human.id) * _SWINGS) / _SWINGS
     body = partial(
         draw_body, activity=activity, r=r, shoulder=shoulder, swing=swing, ignores_robot=ignores_robot, kind=kind
@@ -122,7 +123,10 @@ def draw_limbs(brush: Brush, activity: str, r: float, swing: float = 0.0) -> Non
             draw_foot(brush, activity, r, ((x + side * swing * row.stride) * r, side * y * r))
     sleeve = mixed(shaded(row.colour), row.colour, 0.5)
     for line in row.limbs:
-        brush.stroke(sleeve, [(x * r, y * r) for x, y in line], row.width * r)
+        angle = swing * row.gesture * (1.0 if line[0][1] > 0.0 else -1.0)  # arms swing apart and together
+        c, s = math.cos(angle), math.sin(angle)
+        points = [(x * c - y * s, x * s + y * c) for x, y in line]
+        brush.stroke(sleeve, [(x * r, y * r) for x, y in points], row.width * r)
 
 
 def draw_foot(brush: Brush, activity: str, r: float, place: Point = (0.0, 0.0)) -> None:

@@ -46,6 +46,7 @@ class Layers:
         zones: intimate and personal zones, and the space shared by interacting pedestrians.
         velocities: arrows.
         ids: of pedestrians and objects.
+        attributes: of pedestrians and objects, as words.
         caption: the strip below, with the scale bar.
         legend: rows below the picture that explain its symbols; camera images have none.
     """
@@ -57,6 +58,7 @@ class Layers:
     zones: bool = False
     velocities: bool = False
     ids: bool = False
+    attributes: bool = True
     caption: bool = True
     legend: bool = False
 

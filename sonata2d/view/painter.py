@@ -14,7 +14,7 @@ from ..core.snapshot import Snapshot
 from ..errors import RenderError
 from .brush import Brush
 from .canvas import PixelCanvas
-from .draw import backdrop, camera_for, draw_ids, draw_moving_parts, draw_still_parts
+from .draw import backdrop, camera_for, draw_moving_parts, draw_still_parts, draw_words
 from .layers import Layers
 from .palette import OUTSIDE, Colour
 from .projection import Camera, require_drawable
@@ -86,7 +86,7 @@ class Painter:
             surface.fill(self._outside)
             draw_still_parts(brush, self._scene, grid=layers.grid)
         draw_moving_parts(brush, snapshot, layers, trails, cut_zones=self._cut_zones)
-        draw_ids(canvas, camera, snapshot, layers)
+        draw_words(canvas, camera, snapshot, layers)
         return camera
 
     def _fixed_room(self, camera: Camera, layers: Layers) -> pygame.Surface:

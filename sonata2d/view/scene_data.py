@@ -9,7 +9,8 @@ from functools import partial
 from typing import Any
 from xml.etree import ElementTree
 
-from ..core.entities import Human
+from ..core.attributes import attribute_text
+from ..core.entities import Furniture, Human
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearance, obstacle_clearance, touched_kind
 from ..core.relations import ACTIVITIES, ACTIVITY
 from ..core.scene import Scene
@@ -90,6 +91,7 @@ def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # no
                 "radius": h.radius,
                 "shoulder": h.shoulder if "headings" not in scene.unmeasured else 0.0,
                 **_figure(h),
+                **_words(h),
                 "ignores": h.reacts_to_robot == 0.0,
                 "reaction": _REACTIONS[h.reaction] if "robot" not in scene.unmeasured else "",
                 "path": hex_colour(human_tones(k)[-1]),
@@ -97,7 +99,7 @@ def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # no
             for k, h in enumerate(scene.humans)
         ],
         "things": [
-            {"id": f.id, "type": f.type, "x": f.pose.x, "y": f.pose.y, "radius": 0.8 * min(half_size(f))}
+            {"id": f.id, "type": f.type, "x": f.pose.x, "y": f.pose.y, "radius": 0.8 * min(half_size(f)), **_words(f)}
             for f in sorted(scene.furniture, key=lambda f: f.on is None)  # the pointer finds a laptop before its table
         ],
         "activities": ACTIVITIES,
@@ -111,14 +113,21 @@ def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # no
             for name, activity in ACTIVITY.items()
             if activity.foot is not None and activity.stride
         },
+        "gestures": {name: activity.gesture for name, activity in ACTIVITY.items() if activity.gesture},
         "colours": {name: hex_colour(colour) for name, colour in _COLOURS.items()},
         "zones": (INTIMATE_DISTANCE, PERSONAL_DISTANCE),
         "symbols": _symbols(scene),
     }
 
 
+def _words(entity: Human | Furniture) -> dict[str, str]:
+    """The attributes of a pedestrian or an object as words."""
+    words = attribute_text(entity.attributes)
+    return {"words": words} if words else {}
+
+
 def _figure(human: Human) -> dict[str, Any]:
-    """What differs in the drawing of a pedestrian by its kind."""
+    """The properties of the drawing of a pedestrian that its kind changes."""
     kind = person_kind(human.kind)
     values = {"place": kind.place, "figure": kind.figure, "limbs": kind.limbs, "kit": kind.draw and f"kit {human.id}"}
     return {key: value for key, value in values.items() if value}

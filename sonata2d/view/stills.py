@@ -24,10 +24,10 @@ from .draw import (
     backdrop,
     camera_for,
     draw_caption,
-    draw_ids,
     draw_moving_parts,
     draw_on_backdrop,
     draw_still_parts,
+    draw_words,
 )
 from .layers import Layers
 from .legend import Legend
@@ -147,7 +147,7 @@ class Still:
 
     def _annotate(self, canvas: Picture) -> None:
         """Draw the texts, at the picture's final size."""
-        draw_ids(canvas, self.camera, self.snapshot, self.layers)
+        draw_words(canvas, self.camera, self.snapshot, self.layers)
         if self.layers.caption:
             draw_caption(canvas, self.camera, self.snapshot, self.trails, self.caption, self.outcome)
         self.legend.draw(canvas, self.camera.size[1] + self.layers.strip, self.camera.size[0])

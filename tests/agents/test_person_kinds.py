@@ -132,8 +132,8 @@ def test_a_wheelchair_takes_the_way_through_the_wide_gap_and_an_adult_the_near_o
 
 def test_scenes_of_all_kinds_replay_and_have_no_deep_overlaps(tmp_path: Path) -> None:
     settings = {
-        "wandering": 8, "standing": 2, "talking_groups": 1, "walking_groups": 1, "chairs": 2, "seated": 1, "at_plant": 1,
-        "doors": [{"x": -7, "y": 0, "inflow": 6}], "queues": [{"waiting": 2}], "person": {"kinds": ALL},
+        "wandering": 8, "standing": 2, "talking_groups": 1, "walking_groups": 1, "chairs": 2, "seated": 1,
+        "at_plant": 1, "doors": [{"x": -7, "y": 0, "inflow": 6}], "queues": [{"waiting": 2}], "person": {"kinds": ALL},
         "social": {"exits": 0.2, "sits": 0.3, "queues": 0.2, "pause": [1, 4]},
     }  # fmt: skip
     for seed in range(3):

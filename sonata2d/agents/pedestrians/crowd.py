@@ -22,7 +22,7 @@ from ...core.humans import BODY_X, BODY_Y, MAXIMUM_SPEED_RATIO, VX, VY, X, Y, fr
 from ...core.path_search import find_path
 from ...core.philox import draws_of
 from ...core.portable_math import Array, BoolArray, IntArray
-from ...core.relations import RELATIONS
+from ...core.relations import RELATION, RELATIONS
 from ...core.scene import Scene
 from ...core.snapshot import CrowdCommands, Snapshot
 from ...core.turning import critically_damped, turn_limits
@@ -33,7 +33,7 @@ from .decisions.congestion import avoid_queues
 from .decisions.destinations import choose_destination, find_new_paths, start_straight
 from .decisions.stops import start_stops
 from .decisions.tasks import advance_tasks, begin, find_obstacles, leave, start_stay, update_partners
-from .idling import change_posture, initial_idling, look_round, stand_straight
+from .idling import ARGUING_RESTLESSNESS, change_posture, initial_idling, look_round, stand_straight
 from .models.base import (
     KernelModel,
     PedestrianModel,
@@ -69,7 +69,7 @@ from .routes import (
     stopping_speed,
 )
 from .shoulders import wanted_twist
-from .social.company import company_of
+from .social.company import ARGUES, company_of
 from .social.fixtures import fixtures_of, habits_of
 from .social.tasks import Meetings, lines_of, tasks_of
 from .wayfinding import Journeys, Spaces
@@ -285,6 +285,7 @@ def _initial_state(scene: Scene, spaces: Spaces, model: PedestrianModel) -> Crow
         law=law,
         is_present=np.ones(count, dtype=bool),
         needed=np.zeros(2, dtype=np.int64),
+        in_file=_in_file(scene),
         rolls=np.array([not human.side_steps for human in humans], dtype=bool),
         calls=_calls(law.evaluations > 1),
     )  # fmt: skip
@@ -419,7 +420,7 @@ def _set_desires(crowd: CrowdState, humans: Array, is_present: BoolArray) -> Non
         if routes.is_final[k]:
             speed = min(speed, stopping_speed(length(dx, dy)))
         walkers.desired_speed[k] = speed
-        walkers.is_abreast[k] = routes.is_abreast[k] or routes.first[k] == k
+        walkers.is_abreast[k] = (routes.is_abreast[k] or routes.first[k] == k) and not crowd.in_file[k]
 
 
 @subroutine
@@ -461,7 +462,7 @@ def _react(crowd: CrowdState, tick: int, humans: Array, is_present: BoolArray) -
         elif crowd.tasks.sits_on[k] < 0:
             change_posture(
                 crowd.idling, k, tick, x, y, walkers, social.size[k], crowd.obstacles.solids, crowd.draws,
-                crowd.obstacles.side, dt,
+                ARGUING_RESTLESSNESS if social.activity[k] == ARGUES else 1.0, crowd.obstacles.side, dt,
             )  # fmt: skip
             x, y = x + crowd.idling.shift[k, 0], y + crowd.idling.shift[k, 1]
             x, y = step_aside(
@@ -683,6 +684,13 @@ def _walking_groups(scene: Scene) -> IntArray:
     for rows in ([index[m] for m in g.members] for g in scene.groups if g.kind == "walking" and len(g.members) > 1):
         group[rows] = rows[0]
     return group
+
+
+def _in_file(scene: Scene) -> BoolArray:
+    """Whether each pedestrian walks in a file with another one, (N,) of bool."""
+    files = [{i.src, i.dst} for i in scene.interactions if RELATION[i.relation].in_file]
+    members = {id for pair in files for id in pair}
+    return np.array([human.id in members for human in scene.humans], dtype=bool)
 
 
 def _blocking_walls(scene: Scene) -> Iterator[tuple[Point, Point, float]]:

@@ -101,6 +101,7 @@ class CrowdState(NamedTuple):
         robots: of the scene; whoever calls `crowd.prepare` sets their state before.
         is_present: (N,) of bool.
         needed: (2,) of int, lengths of the lists of neighbours and walls that the last tick needed.
+        in_file: (N,) of bool, pedestrians that lead or follow another one.
         rolls: (N,) of bool, pedestrians that cannot move sideways.
     """
 
@@ -124,5 +125,6 @@ class CrowdState(NamedTuple):
     law: Law
     is_present: Bools
     needed: Ints
+    in_file: Bools
     rolls: Bools
     calls: Calls

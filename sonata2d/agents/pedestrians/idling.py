@@ -22,6 +22,7 @@ from .models.base import Walkers
 POSTURES = 4  # purpose of the random numbers
 _SHIFT, _TURN = 0.04, 0.2  # m ahead and to the left, and rad, by which a posture differs at most
 _POSTURE_TIME = (4.0, 12.0)  # s, from one posture to the next
+ARGUING_RESTLESSNESS = 2.5  # of people who argue; invented, since no measurement was found
 _ROOM = 0.1  # m, from walls and furniture around a body that shifts
 _LOOK_TIME, _LOOK_PAUSE = (0.8, 2.0), (3.0, 9.0)  # s, of a look to the side, and between two
 _LOOK_ANGLE = 1.2  # rad, by which it deviates from the body at most
@@ -57,7 +58,7 @@ def initial_idling(count: int) -> Idling:
 @subroutine
 def change_posture(
     idling: Idling, k: int, tick: int, x: float, y: float, walkers: Walkers, size: float, solids: Solids, draws: Draws,
-    side: float, dt: float,
+    restlessness: float, side: float, dt: float,
 ) -> None:  # fmt: skip
     """Let pedestrian k, which stands at (x, y), m, take another posture when it is time.
 
@@ -69,15 +70,16 @@ def change_posture(
         walkers: directions of the bodies.
         size: radius of the circle around its body, m.
         solids: walls and furniture.
+        restlessness: factor of the frequency and of the size of the changes.
         side: of the rules, +1 or -1: a mirrored scene gives the mirrored posture.
         dt: tick, s.
     """
     if tick < idling.posture_until[k]:
         return
     pause = uniform_between(draws, k, POSTURES, _POSTURE_TIME[0], _POSTURE_TIME[1])
-    idling.posture_until[k] = tick + max(int(pause / dt), 1)
-    ahead = uniform_between(draws, k, POSTURES, -_SHIFT, _SHIFT)
-    left = side * uniform_between(draws, k, POSTURES, -_SHIFT, _SHIFT)
+    idling.posture_until[k] = tick + max(int(pause / restlessness / dt), 1)
+    ahead = restlessness * uniform_between(draws, k, POSTURES, -_SHIFT, _SHIFT)
+    left = restlessness * side * uniform_between(draws, k, POSTURES, -_SHIFT, _SHIFT)
     bx, by = walkers.body_direction[k, 0], walkers.body_direction[k, 1]
     idling.shift[k, 0], idling.shift[k, 1] = ahead * bx - left * by, ahead * by + left * bx
     idling.turn[k, 0], idling.turn[k, 1] = rotation(side * uniform_between(draws, k, POSTURES, -_TURN, _TURN))

@@ -16,6 +16,7 @@ from pydantic import (
     model_validator,
 )
 
+from ...core.attributes import Holder
 from ...core.bounds import Fraction, Positive
 from ...core.entities import Robot
 from ...core.files.limits import MAX_COUNT, MAX_NAME, MAX_ROBOTS
@@ -26,6 +27,7 @@ from ...core.labels import LabelSpec
 from ...core.scene import Rules
 from ...errors import PluginWarning
 from ...registry import FURNITURE_TYPES, did_you_mean, furniture_type, furniture_types
+from .attributes import AttributesConfig
 from .base import Entities, IntRange, Range, Settings, is_section, within
 from .people import PersonSpec, check_people
 from .problems import setting_error
@@ -61,8 +63,8 @@ class ScenarioConfig(Settings):
     Pedestrians and furniture are drawn first, by the counts `standing` to `tvs` and of further types of furniture. Then
     `relations` of them are put into relations, or fewer where too few are free; each relation is of a random kind
     (talking, at a laptop, at a plant, walking together) or, where that kind is impossible, of the next kind.
-    `talking_pairs` to `at_object` add pedestrians of their own; they use a free laptop, plant or other object, fixed
-    ones first, and add one where none is free. `people` are added to all of these.
+    `talking_pairs` to `following_pairs` add pedestrians of their own; they use a free laptop, plant or other object,
+    fixed ones first, and add one where none is free. `people` are added to all of these.
 
     Attributes:
         name: of the scenario; part of the scene's family. Default: sonata-2020, or custom if any setting is given.
@@ -78,8 +80,14 @@ class ScenarioConfig(Settings):
         talking_pairs, walking_pairs: number of additional pairs, spaced by `talking_distance` and `pair_spacing`.
         talking_groups, walking_groups: number of additional groups; see `groups`.
         at_laptop, at_plant, at_object: number of additional pedestrians that attend to a laptop, plant or other object.
+        arguing_pairs, handing_over_pairs, caring_pairs: number of additional pairs that argue, hand something over, or
+            of whom one cares for the other.
+        arguing_distance, handing_over_distance, caring_distance: m, between their members, who face each other.
+        watching_tv: number of additional pedestrians that watch a TV, `tv_distance` away, m.
+        leading_pairs, following_pairs: number of additional pairs that walk one behind the other, `leading_distance`
+            apart, m: the one ahead leads, or the one behind follows.
         furniture: pieces at fixed positions.
-        doors, queues, places, areas: see the sections of these names.
+        doors, queues, places, areas, attributes: see the sections of these names.
         seated: number of additional pedestrians that sit on seats at the start, or fewer where too few are free.
         people: pedestrians that are specified one by one, each with a start, goals or a track.
         sizes: m, by type of furniture: replaces the default sizes or adds types. One number is the radius of a disc,
@@ -103,7 +111,11 @@ class ScenarioConfig(Settings):
 
     model_config = ConfigDict(extra="allow")  # numbers of further types of furniture
     __pydantic_extra__: dict[str, IntRange] = Field(init=False)
-    _optional = frozenset({"robots", "areas"})
+    _optional = frozenset({
+        "robots", "areas", "attributes", "arguing_pairs", "handing_over_pairs", "caring_pairs", "watching_tv",
+        "leading_pairs", "following_pairs", "arguing_distance", "handing_over_distance", "caring_distance",
+        "tv_distance", "leading_distance",
+    })  # fmt: skip
 
     name: str = Field(default="sonata-2020", min_length=1, max_length=MAX_NAME)
     description: str = ""
@@ -127,11 +139,18 @@ class ScenarioConfig(Settings):
     at_laptop: IntRange = IntRange(0, 0)
     at_plant: IntRange = IntRange(0, 0)
     at_object: IntRange = IntRange(0, 0)
+    arguing_pairs: IntRange = IntRange(0, 0)
+    handing_over_pairs: IntRange = IntRange(0, 0)
+    caring_pairs: IntRange = IntRange(0, 0)
+    watching_tv: IntRange = IntRange(0, 0)
+    leading_pairs: IntRange = IntRange(0, 0)
+    following_pairs: IntRange = IntRange(0, 0)
     furniture: Entities[FurnitureConfig] = ()
     doors: Entities[DoorConfig] = ()
     queues: Entities[QueueConfig] = ()
     places: Entities[PlaceConfig] = ()
     areas: Entities[AreaConfig] = ()
+    attributes: AttributesConfig = AttributesConfig()
     seated: IntRange = IntRange(0, 0)
     people: Annotated[Entities[PersonSpec], AfterValidator(check_people)] = ()
     sizes: dict[str, Size] = Field(default={})
@@ -142,6 +161,11 @@ class ScenarioConfig(Settings):
     plant_distance: Distance = Range(1.0, 4.0)
     object_distance: Distance = Range(1.0, 2.0)
     pair_spacing: Distance = Range(0.5, 0.5)
+    arguing_distance: Distance = Range(0.6, 0.9)
+    handing_over_distance: Distance = Range(0.8, 1.0)
+    caring_distance: Distance = Range(0.6, 0.8)
+    tv_distance: Distance = Range(1.5, 3.0)
+    leading_distance: Distance = Range(1.0, 1.5)
     groups: GroupConfig = GroupConfig()
     person: PersonConfig = PersonConfig()
     robot: RobotConfig = RobotConfig()
@@ -241,6 +265,17 @@ class ScenarioConfig(Settings):
             if area is not None and area not in names:
                 hint = did_you_mean(area, names) or f"; areas are {', '.join(names) or 'not given'}"
                 raise setting_error(f"there is no area {area!r}{hint}", *place, "in")
+        return self
+
+    @model_validator(mode="after")
+    def _check_attributes(self) -> Self:
+        holders: dict[Holder, tuple[str, Any]] = {
+            "people": ("people", self.people), "objects": ("furniture", self.furniture), "areas": ("areas", self.areas)
+        }  # fmt: skip
+        for of, (key, settings) in holders.items():
+            for k, each in enumerate(settings):
+                if problem := self.attributes.problem(of, each.attributes):
+                    raise setting_error(problem[1], key, k, "attributes", problem[0])
         return self
 
     @model_validator(mode="after")

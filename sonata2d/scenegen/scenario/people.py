@@ -13,9 +13,19 @@ from ...core.bounds import Fraction, NotNegative, Number, Positive
 from ...core.entities import Behaviour, Reaction
 from ...core.files.limits import MAX_ID
 from ...core.geometry import Barriers, Point
-from ...registry import PERSON_KINDS
+from ...core.relations import RELATION
+from ...registry import PERSON_KINDS, did_you_mean
+from .attributes import GivenAttributes
 from .base import BodyRadius, Breadth, Duration, Jitter, Range, Settings, TupleOf, require_registered, within
 from .problems import setting_error
+
+
+def _check_relation(name: str) -> str:
+    known = [row.name for row in RELATION.values() if row.group]
+    if name not in known:
+        hint = did_you_mean(name, known) or f"; relations of groups are {', '.join(known)}"
+        raise setting_error(f"there is no such relation of a group{hint}")
+    return name
 
 
 def _check_times(track: tuple[tuple[float, float, float], ...]) -> tuple[tuple[float, float, float], ...]:
@@ -26,6 +36,7 @@ def _check_times(track: tuple[tuple[float, float, float], ...]) -> tuple[tuple[f
 
 Track = Annotated[TupleOf[tuple[Number, Number, Number]], Field(min_length=2), AfterValidator(_check_times)]  # s, m, m
 _PositiveId = Annotated[PositiveInt, Field(le=MAX_ID)]
+_RelationName = Annotated[str, AfterValidator(_check_relation)]
 _KindName = Annotated[str, AfterValidator(partial(require_registered, PERSON_KINDS))]
 _DesiredSpeed = Annotated[Range, within("a desired speed must be above 0", 0.0, above=True)]
 
@@ -53,6 +64,9 @@ class PersonSpec(Settings):
             walls and the robot, and pushes others aside.
         group: number of the group. The members of a group talk if they stand; else they walk together, and the first
             member leads.
+        relation: of the members of the group to each other, given for one of them: arguing, handing_over or caring_for
+            while they stand, leading or following while they walk, one behind the other. Default: they talk, or walk
+            together.
         kind: of person, whose distributions of sizes and speed replace those of the section `person`. Default: drawn
             by `person.kinds`; of a pedestrian with a track, adult.
         desired_speed, radius, breadth: m/s, m, m; default: drawn from the section `person`.
@@ -63,9 +77,10 @@ class PersonSpec(Settings):
             from the section `person`.
         reacts_to_robot: 0 (ignores the robot) to 1; default: drawn from the section `person`.
         reaction: kind of reaction to the robot; default: drawn from the section `person`.
+        attributes: values of attributes of people by name, which `attributes.people` declares; the others are drawn.
     """
 
-    _optional = frozenset({"area", "kind"})
+    _optional = frozenset({"area", "kind", "relation", "attributes"})
 
     id: _PositiveId | None = None
     x: Number | None = None
@@ -82,6 +97,7 @@ class PersonSpec(Settings):
     leaves: Positive | None = None
     track: Track | None = None
     group: _PositiveId | None = None
+    relation: _RelationName | None = None
     kind: _KindName | None = None
     desired_speed: _DesiredSpeed | None = None
     radius: BodyRadius | None = None
@@ -92,6 +108,7 @@ class PersonSpec(Settings):
     reaction_time: Duration | None = None
     reacts_to_robot: Fraction | None = None
     reaction: Reaction | None = None
+    attributes: GivenAttributes | None = None
 
     @property
     def resolved_behaviour(self) -> Behaviour:
@@ -170,12 +187,20 @@ def check_people(people: tuple[PersonSpec, ...]) -> tuple[PersonSpec, ...]:
     """
     counts = Counter(person.id for person in people)
     group_stands: dict[int, bool] = {}
+    relations: dict[int, str] = {}
     for k, person in enumerate(people):
         message, key, stands = "", "group", person.resolved_behaviour == "standing"
         if person.id is not None and counts[person.id] > 1:
             message, key = f"id {person.id} is given to more than one person", "id"
+        elif person.group is None and person.relation is not None:
+            message, key = "a relation needs a group", "relation"
         elif person.group is None:
             continue
+        elif person.relation and (RELATION[person.relation].group == "talking") != stands:
+            kind = "stand" if not stands else "walk"
+            message, key = f"the members of a group that is {person.relation} must {kind}", "relation"
+        elif person.relation and relations.setdefault(person.group, person.relation) != person.relation:
+            message, key = f"group {person.group} has two relations", "relation"
         elif person.resolved_behaviour == "wandering" and (person.enters > 0.0 or person.leaves is not None):
             message = "a wandering member of a group can neither enter nor leave; give goals"
         elif group_stands.setdefault(person.group, stands) != stands:

@@ -25,6 +25,7 @@ from ...core.labels import LabelSpec
 from ...core.scene import Rules, Social
 from ...core.wording import shown
 from ...registry import CONTROLLERS, DRIVES, PEDESTRIAN_MODELS, PERSON_KINDS, did_you_mean, drive_class
+from .attributes import GivenAttributes
 from .base import (
     BodyRadius,
     Breadth,
@@ -113,9 +114,10 @@ class FurnitureConfig(Settings):
         seat: whether one pedestrian can sit on it, above its centre and facing its front: +x, or -y of a piece that is
             longer (x) than wide (y). Default: if its type is one, such as a chair.
         body: outline, given instead of `size`.
+        attributes: values of attributes of objects by name, which `attributes.objects` declares; the others are drawn.
     """
 
-    _optional = frozenset({"body"})
+    _optional = frozenset({"body", "attributes"})
 
     type: str
     x: Number
@@ -125,6 +127,7 @@ class FurnitureConfig(Settings):
     attracts: bool = True
     seat: bool | None = None
     body: BodyConfig | None = None
+    attributes: GivenAttributes | None = None
 
     @model_validator(mode="after")
     def _check_size(self) -> Self:
@@ -201,13 +204,15 @@ class AreaConfig(Settings):
         polygon: corners in order, m, world frame; edges must not cross.
         share: weight with which drawn pedestrians and furniture are placed in this area; those at fixed furniture and
             at given places are not. Default: anywhere in the room, if no area has a share above 0.
+        attributes: values of attributes of areas by name, which `attributes.areas` declares; the others are drawn.
     """
 
-    _optional = frozenset({"share"})
+    _optional = frozenset({"share", "attributes"})
 
     name: AreaName
     polygon: Corners
     share: NotNegative | None = None
+    attributes: GivenAttributes | None = None
 
     @property
     def corners(self) -> tuple[Point, ...]:

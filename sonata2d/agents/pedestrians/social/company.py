@@ -10,11 +10,13 @@ import numpy as np
 from ....core.compiled.kernel import subroutine
 from ....core.compiled.packing import Bools, Floats, Floats2, Ints, Ints2
 from ....core.portable_math import BoolArray
-from ....core.relations import ACTIVITIES, RELATION, RELATIONS, TALKING, WALKING_TOGETHER
+from ....core.relations import ACTIVITIES, RELATION, RELATIONS, TALKING
 from ....core.scene import Scene
 
 STANDING, SITTING, QUEUEING, WALKING = map(ACTIVITIES.index, ("standing", "sitting", "queueing", "walking"))
-TALKS, WALKS_TOGETHER = RELATIONS.index(TALKING), RELATIONS.index(WALKING_TOGETHER)
+ARGUES = ACTIVITIES.index("arguing")
+TALKS = RELATIONS.index(TALKING)
+_WALKS = np.array([RELATION[name].group == "walking" for name in RELATIONS])
 _ACTIVITY_OF = np.array([ACTIVITIES.index(RELATION[name].activity) for name in RELATIONS])
 _MOST_PARTNERS = 8  # that a pedestrian gets besides those at the start
 
@@ -124,7 +126,7 @@ def update_links(company: Company, is_present: BoolArray) -> None:
         src, dst, relation = company.links[n, 0], company.links[n, 1], company.links[n, 2]
         for end in (src, dst):
             # an object has no activity, and a group that pauses does not walk
-            if end < count and (relation != WALKS_TOGETHER or company.is_walking[end]):
+            if end < count and (not _WALKS[relation] or company.is_walking[end]):
                 company.activity[end] = _ACTIVITY_OF[relation]
         if dst >= count:
             company.facing_point[src, 0] = company.object_position[dst - count, 0]
@@ -209,7 +211,7 @@ def start_walking(company: Company, k: int, is_present: BoolArray) -> None:
     kept, changes = 0, _interacts(company, k)
     for n in range(company.link_count[0]):
         src, dst, relation = company.links[n, 0], company.links[n, 1], company.links[n, 2]
-        if relation == WALKS_TOGETHER or k not in (src, dst):
+        if _WALKS[relation] or k not in (src, dst):
             company.links[kept, 0], company.links[kept, 1], company.links[kept, 2] = src, dst, relation
             kept += 1
     company.link_count[0] = kept
