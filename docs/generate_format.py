@@ -21,6 +21,7 @@ from sonata2d.record import models
 from sonata2d.registry import QUESTION_KINDS
 from sonata2d.scenegen.scenario import sections
 from sonata2d.scenegen.scenario.base import Normal, Settings, is_section
+from sonata2d.scenegen.scenario.attributes import AttributeConfig, AttributesConfig
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.scenegen.scenario.people import PersonSpec
 from sonata2d.study import config as study
@@ -188,7 +189,13 @@ SCENARIO_TYPES = """
 
 def scenario_page() -> str:
     """docs/scenario.md."""
-    models = [ScenarioConfig, *dict.fromkeys(filter(_is_section, vars(sections).values())), PersonSpec]
+    models = [
+        ScenarioConfig,
+        *dict.fromkeys(filter(_is_section, vars(sections).values())),
+        PersonSpec,
+        AttributesConfig,
+        AttributeConfig,
+    ]
     types = [*map(_furniture_row, BUILT_IN), SCENARIO_TYPES]
     defaults = ScenarioConfig().settings()
     of_core = {Limits: defaults["robot"]["limits"]}

@@ -162,17 +162,30 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """A named part of the floor.
+    """A named part of the floor, with rules for robots.
+
+    The rules are known to planners and metrics; the simulation does not enforce them.
 
     Attributes:
         name: unique among areas.
         polygon: corners in order, m, world frame.
+        no_go: whether robots must stay outside, with their whole outlines.
+        speed_limit: of a robot whose centre is in the area, m/s; None: the one of its drive.
+        one_way: heading, rad, world frame, of the only direction, up to a right angle, in which the centre of a robot
+            may move in the area; None: every direction.
         attributes: values by name, see `Scene.attributes`; None: there are none.
     """
 
     name: str
     polygon: tuple[Point, ...]
+    no_go: bool = field(default=False, metadata=ADDITIVE)
+    speed_limit: Positive | None = field(default=None, metadata=ADDITIVE)
+    one_way: Number | None = field(default=None, metadata=ADDITIVE)
     attributes: Attributes | None = field(default=None, metadata=ADDITIVE)
+
+    def edges(self) -> list[tuple[Point, Point, float]]:
+        """The edges, as barriers without thickness."""
+        return [(a, b, 0.0) for a, b in zip(self.polygon, (*self.polygon[1:], self.polygon[0]), strict=True)]
 
 
 @dataclass(frozen=True, slots=True)

@@ -278,6 +278,11 @@ class Scene(FloatFields, Drawable):
         return Barriers.of([edge for _, edges in self._solids for edge in edges])
 
     @cached_property
+    def robot_barriers(self) -> Barriers:
+        """Barriers that a robot keeps off: walls, furniture, and the edges of areas where robots may not go."""
+        return self.barriers.joined(Barriers.of([edge for area in self.areas if area.no_go for edge in area.edges()]))
+
+    @cached_property
     def barrier_owner(self) -> tuple[tuple[str, int], ...]:
         """Owner of each barrier: ("wall", key in `straight_walls`) or ("object", id)."""
         return tuple(owner for owner, edges in self._solids for _ in edges)

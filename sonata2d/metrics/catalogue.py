@@ -7,7 +7,7 @@ from collections.abc import Container, Iterable, Iterator
 
 from ..errors import MetricError, PluginWarning
 from ..registry import METRICS as PLUGINS, did_you_mean
-from . import disturbance, driving, fleet, interactions, outcomes, paths, space
+from . import areas, disturbance, driving, fleet, interactions, outcomes, paths, space
 from .definition import Metric
 from .interop import VARIANTS
 
@@ -16,6 +16,7 @@ FAMILIES: dict[str, tuple[Metric, ...]] = {
     "Path and motion": paths.METRICS,
     "Distance to people and obstacles": space.METRICS,
     "Interactions": interactions.METRICS,
+    "Areas with rules": areas.METRICS,
     "Effect on people": disturbance.METRICS,
     "Several robots": fleet.METRICS,
     "Delay of the driver": driving.METRICS,

@@ -91,7 +91,7 @@ def difficulty(scene: Scene) -> Difficulty:
     """
     radius, speed = scene.robot.outline.inradius, scene.robot.top_speed
     start, goal = scene.robot.pose.position, scene.goal.position
-    space = FreeSpace(scene.outline, scene.barriers, radius + _MARGIN, scene.standing_humans)
+    space = FreeSpace(scene.outline, scene.robot_barriers, radius + _MARGIN, scene.standing_humans)
     path = space.path(start, goal)
     if path is None:  # standing people can move out of the way
         path = space.with_added(Barriers.of(())).path(start, goal)
@@ -103,7 +103,7 @@ def difficulty(scene: Scene) -> Difficulty:
     length = float(sizes.sum())
     points = _along(path)
     free_time = max(length - scene.goal.distance, 0.0) / speed
-    passage = _narrowest(scene.barriers, points)
+    passage = _narrowest(scene.robot_barriers, points)
     angles = np.arctan2(edges[sizes > 0.0, 1], edges[sizes > 0.0, 0])
     turns = float(np.abs(np.angle(np.exp(1j * np.diff(angles)))).sum())
     positions = np.array([human.pose.position for human in around], dtype=float).reshape(-1, 2)

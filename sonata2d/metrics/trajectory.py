@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..core.entities import ANY_HEADING
-from ..core.geometry import PRECISION, shoulder_lines, to_shoulder_line
+from ..core.geometry import PRECISION, Barriers, shoulder_lines, to_shoulder_line
 from ..core.outlines import side_lines
 from ..core.portable_math import Array, BoolArray, unit_vectors
 from ..core.scene import Scene
@@ -222,9 +222,13 @@ class Trajectory:
     @cached_property
     def barrier_clearance(self) -> Array:
         """(M, L), m, from the robot's outline to each of the scene's M barriers, negative where they overlap."""
+        return self.gaps_to(self.scene.barriers)
+
+    def gaps_to(self, barriers: Barriers) -> Array:
+        """(M, L), m, from the robot's outline to each of M barriers, negative where they overlap."""
         if self.is_disc:
-            return self.scene.barriers.gaps(self.position) - self.radius
-        return self._gaps(self.scene.barriers.table[None, :, :5]).T
+            return barriers.gaps(self.position) - self.radius
+        return self._gaps(barriers.table[None, :, :5]).T
 
     @cached_property
     def robot_clearance(self) -> Array:

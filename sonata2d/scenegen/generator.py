@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core.arguments import whole_number
-from ..core.entities import Area, Furniture, Human
+from ..core.entities import Furniture, Human
 from ..core.geometry import Barriers, Pose
 from ..core.rng import RandomStream
 from ..core.scene import Scene, standing_throughout
@@ -163,6 +163,8 @@ def _try_layout(
     drawn = [(clusters[k], placed[k]) for k in sorted(placed)]
     humans, furniture = ordered_entities(drawn, fixed)
     obstacles = _obstacles(plan, humans.values(), furniture.values()).joined(standing_throughout(people.humans))
+    closed = [edge for area in config.areas if area.no_go for edge in area.area().edges()]
+    obstacles = obstacles.joined(Barriers.of(closed))  # of robots
     robot, goal = draw_robot_task(config, layout, obstacles, rng)
     # the other robots have a stream, so that they change nothing else in a scene
     others = (
@@ -177,7 +179,7 @@ def _try_layout(
         polygon=plan.polygon,
         walls=plan.walls,
         holes=plan.holes,
-        areas=tuple(Area(area.name, area.corners, area.attributes) for area in config.areas),
+        areas=tuple(area.area() for area in config.areas),
         furniture=entities.furniture,
         humans=(*listed, *entities.humans),
         robot=robot,

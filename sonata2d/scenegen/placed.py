@@ -145,6 +145,7 @@ def _mirror_points(points: tuple[Point, ...]) -> tuple[Point, ...]:
 _MIRRORS: dict[str, Callable[[Any], Any]] = {
     "y": operator.neg,
     "theta": operator.neg,
+    "one_way": operator.neg,
     "pose": lambda pose: (pose[0], -pose[1], -pose[2]),
     "position": _mirror_point,
     "velocity": _mirror_point,

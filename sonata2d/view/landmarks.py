@@ -1,29 +1,63 @@
-"""Doors, queues and places of interest, on the floor and in the walls of a room."""
+"""Areas, doors, queues and places of interest, on the floor and in the walls of a room."""
 
 from __future__ import annotations
 
+import math
+
+from ..core.entities import Area
 from ..core.furniture_types import WOOD, WOOD_EDGE
-from ..core.geometry import Pose
+from ..core.geometry import Point, Pose
 from ..core.scene import Scene
 from .brush import Brush
-from .palette import FAINT, FLOOR, INK, mixed
+from .palette import BLUE, FAINT, FLOOR, INK, Colour, mixed
 
 _WALL_WIDTH = 0.12  # m, as drawn by `room`: outward only
 _JAMB, _LINE = 0.05, 0.02  # m, width of the door frame, and of lines
 _SLOT_RADIUS = 0.13  # m, of the mark where a pedestrian in a queue stands
 _QUEUE, _PLACE = mixed(FLOOR, FAINT, 0.45), mixed(FLOOR, INK, 0.3)
+_NO_GO: Colour = (200, 40, 40)
+_SLOW: Colour = (214, 140, 20)
+_WAY: Colour = BLUE
 _DASH_SPACING = 0.16  # m, around a place
 _LARGEST_PLACE = 20.0  # m, radius beyond which dashes get longer
 
 
 def draw_landmarks(brush: Brush, scene: Scene) -> None:
-    """Draw the doors, queues and places of a scene."""
+    """Draw the areas, doors, queues and places of a scene."""
+    for area in scene.areas:
+        draw_area(brush, area)
     for door in scene.doors:
         draw_door(_at(brush, door.pose), door.width)
     for queue in scene.queues:
         draw_queue(_at(brush, queue.pose), queue.spacing, queue.capacity)
     for place in scene.places:
         draw_place(brush.at(place.position), place.radius)
+
+
+def draw_area(brush: Brush, area: Area) -> None:
+    """Draw an area in the colour of its first rule, with its name and rules as words; without rules only its name."""
+    (x, y), size = _centre_of(area)
+    words = area.name
+    rules = ((area.no_go, _NO_GO), (area.speed_limit is not None, _SLOW), (area.one_way is not None, _WAY))
+    colour = next((colour for holds, colour in rules if holds), None)
+    if colour is not None:
+        brush.wash(colour, 26, area.polygon)
+        brush.stroke(mixed(FLOOR, colour, 0.6), [*area.polygon, area.polygon[0]], _LINE)
+    if area.no_go:
+        words += ": no robots"
+    if area.speed_limit is not None:
+        words += f": {area.speed_limit:g} m/s"
+    if area.one_way is not None:
+        arrow = brush.at((x, y - 0.28), (math.cos(area.one_way), math.sin(area.one_way)))
+        arrow.stroke(mixed(FLOOR, _WAY, 0.6), [(-0.4, 0.0), (0.35, 0.0)], 0.05)
+        arrow.polygon(mixed(FLOOR, _WAY, 0.6), [(0.5, 0.0), (0.28, 0.13), (0.28, -0.13)])
+    brush.at((x, y)).word(mixed(FLOOR, colour or FAINT, 0.75), words, size, 0.22)
+
+
+def _centre_of(area: Area) -> tuple[Point, float]:
+    """The middle of the box around an area, and its width; m."""
+    xs, ys = zip(*area.polygon, strict=True)
+    return ((min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2), 0.9 * (max(xs) - min(xs))
 
 
 def _at(brush: Brush, pose: Pose) -> Brush:

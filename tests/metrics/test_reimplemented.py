@@ -17,9 +17,11 @@ from .test_invariance import Run, measured, random_walks, smooth_drive
 
 Vector = tuple[float, float]
 R = 0.3  # m, of the robot
-NOT_HERE = {  # shortest paths: test_shortest_path.py; browsers: test_measurement.py; other robots: test_robots.py
+# shortest paths: test_shortest_path.py; browsers: test_measurement.py; other robots: test_robots.py; rules of areas:
+# test_area_rules.py
+NOT_HERE = {
     "shortest_length", "spl", "stl", "round_trip_median", "round_trip_95", "robot_collisions", "robot_clearance_min",
-    "makespan",
+    "makespan", "no_go_time", "speeding_time", "wrong_way_time",
 }  # fmt: skip
 
 

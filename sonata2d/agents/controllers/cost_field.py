@@ -8,9 +8,9 @@ import numpy as np
 
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, clipped, gap
-from ...core.geometry import Barriers
+from ...core.geometry import Barriers, inside_rings
 from ...core.humans import X, Y
-from ...core.portable_math import Array, BoolArray
+from ...core.portable_math import Array, BoolArray, IntArray, unit_vector
 from ...core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
 from ...core.relations import RELATION
 from ...core.scene import Scene
@@ -18,6 +18,8 @@ from ...core.scene import Scene
 CELL = 0.1  # m
 _BLOCKED = 40.0  # price per metre where the robot does not fit; 1 is open ground
 _MAXIMUM_SWEEPS = 2000
+_ACROSS = 0.2  # cosine of the angle against a one-way direction, up to which a move counts as one across it
+_WAY_MARGIN = 0.4  # m, around a one-way area
 _UNREACHED = 1e6  # initial cost of each cell
 PRICE, VALUE, CLEARANCE = range(3)  # layers of a cost field
 
@@ -26,7 +28,8 @@ class CostField:
     """The cost of the cheapest path to the goal, on a grid over the room.
 
     A metre of open ground costs 1. The price per metre is higher near walls and furniture, in the intimate and personal
-    space of standing people, and between people who interact. Cells in which the robot does not fit cost `_BLOCKED`.
+    space of standing people, between people who interact, and in areas with a speed limit. Cells in which the robot
+    does not fit, or where it may not go, cost `_BLOCKED`; in one-way areas paths lead in the permitted direction.
 
     Args:
         scene: gives the room, furniture, standing people, interactions, goal, and the largest circle within the robot's
@@ -36,8 +39,9 @@ class CostField:
         low: (2,), m, world frame, position of the cell (0, 0).
         price: (NX, NY), cost per metre of each cell.
         value: (NX, NY), cost of the cheapest path from each cell to the goal, in metres of open ground.
-        clearance: (NX, NY), m, from each cell to the nearest wall or piece of furniture; capped beyond the reach of
-            the prices.
+        clearance: (NX, NY), m, from each cell to the nearest wall or piece of furniture, or area where the robot may
+            not go; capped beyond the reach of the prices.
+        speed_limits: (NX, NY), m/s, at which the robot still brakes in time for areas with a limit; (0, 0) without any.
 
     Source: eikonal equation |∇D| = price, first-order upwind differences (Sethian, PNAS 93 (1996) 1591), solved by
     Jacobi sweeps until nothing changes.
@@ -48,9 +52,61 @@ class CostField:
         nx, ny = (int(n) + 1 for n in (high - self.low) / CELL)
         self.layers = np.empty((3, nx, ny))
         self.price, self.value, self.clearance = self.layers[PRICE], self.layers[VALUE], self.layers[CLEARANCE]
-        obstacles = scene.barriers.table, scene.standing_humans.table, _interaction_spaces(scene).table
+        obstacles = scene.robot_barriers.table, scene.standing_humans.table, _interaction_spaces(scene).table
         goal = float(scene.goal.x), float(scene.goal.y)
-        _fill_field(self.layers, self.low, scene.outline, *obstacles, float(scene.robot.outline.inradius), *goal)
+        cells = self.low + CELL * np.stack(np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"), axis=-1)
+        self.speed_limits, slowness = _limits(scene, cells)
+        _fill_field(
+            self.layers, self.low, scene.outline, *obstacles, slowness, _forbidden_moves(scene, cells),
+            float(scene.robot.outline.inradius), *goal,
+        )  # fmt: skip
+
+
+def _limits(scene: Scene, cells: Array) -> tuple[Array, Array]:
+    """Speeds at which the robot can brake in time for areas with a limit, m/s, and factors of the price; (NX, NY).
+
+    Args:
+        scene: its areas, and the limits of its robot.
+        cells: (NX, NY, 2), m, positions of the cells.
+
+    Returns:
+        (0, 0) each without such areas.
+    """
+    limited = [(area, area.speed_limit) for area in scene.areas if area.speed_limit is not None]
+    if not limited:
+        return np.zeros((0, 0)), np.zeros((0, 0))
+    speeds, slowness = np.full(cells.shape[:2], math.inf), np.ones(cells.shape[:2])
+    points, acceleration = cells.reshape(-1, 2), scene.robot.limits.acceleration
+    for area, limit in limited:
+        is_inside = inside_rings(points, area.polygon, ())
+        distance = np.where(is_inside, 0.0, Barriers.of(area.edges()).gaps(points).min(axis=0))
+        braking = np.sqrt(limit * limit + 2.0 * acceleration * np.maximum(distance - CELL, 0.0))
+        speeds = np.minimum(speeds, braking.reshape(speeds.shape))
+        slower = max(scene.robot.top_speed / limit, 1.0)
+        slowness = np.maximum(slowness, np.where(is_inside, slower, 1.0).reshape(speeds.shape))
+    return speeds, slowness
+
+
+def _forbidden_moves(scene: Scene, cells: Array) -> IntArray:
+    """Moves that one-way areas forbid, (NX, NY) of int: bits for -x, +x, -y, +y; (0, 0) without such areas.
+
+    Args:
+        scene: its areas.
+        cells: (NX, NY, 2), m, positions of the cells.
+    """
+    ways = [(area, area.one_way) for area in scene.areas if area.one_way is not None]
+    if not ways:
+        return np.zeros((0, 0), dtype=np.int64)
+    forbidden = np.zeros(cells.shape[:2], dtype=np.int64)
+    for area, heading in ways:
+        c, s = unit_vector(heading)
+        against = sum(1 << bit for bit, cosine in enumerate((-c, c, -s, s)) if cosine < -_ACROSS)
+        points = cells.reshape(-1, 2)
+        # paths keep a little away from the area, since the robot does not follow them exactly
+        is_near = Barriers.of(area.edges()).gaps(points).min(axis=0) < _WAY_MARGIN
+        is_inside = (inside_rings(points, area.polygon, ()) | is_near).reshape(forbidden.shape)
+        forbidden |= np.where(is_inside, against, 0)
+    return forbidden
 
 
 def _interaction_spaces(scene: Scene) -> Barriers:
@@ -62,8 +118,8 @@ def _interaction_spaces(scene: Scene) -> Barriers:
 
 @kernel
 def _fill_field(
-    layers: Array, low: Array, outline: Array, barriers: Array, standing: Array, between: Array,
-    radius: float, goal_x: float, goal_y: float,
+    layers: Array, low: Array, outline: Array, barriers: Array, standing: Array, between: Array, slowness: Array,
+    forbidden: IntArray, radius: float, goal_x: float, goal_y: float,
 ) -> None:  # fmt: skip
     """Compute the layers of a cost field.
 
@@ -72,6 +128,8 @@ def _fill_field(
         low: (2,), m, position of the cell (0, 0).
         outline: (K, 2), m, polygon of the room.
         barriers, standing, between: (M, 8), tables of the solids, standing people and lines of attention.
+        slowness: factors of the price, (NX, NY), or (0, 0).
+        forbidden: see `_forbidden_moves`.
         radius: of the robot, m.
         goal_x, goal_y: m.
     """
@@ -91,10 +149,12 @@ def _fill_field(
             price += 4.0 * max(1.0 - max(to_person, 0.0) / INTIMATE_DISTANCE, 0.0)
             price += 1.0 * max(1.0 - max(to_person, 0.0) / PERSONAL_DISTANCE, 0.0)
             price += 4.0 if lines[j] < radius else 0.0
+            if len(slowness) > 0:
+                price *= slowness[i, j]
             fits = inside[j] and to_wall >= -0.01 and to_person >= 0.02
             layers[PRICE, i, j] = min(price, _BLOCKED) if fits else _BLOCKED
     goal_i, goal_j = int((goal_x - low[X]) / CELL + 0.5), int((goal_y - low[Y]) / CELL + 0.5)
-    solve(layers[PRICE], layers[VALUE], goal_i, goal_j)
+    solve(layers[PRICE], layers[VALUE], forbidden, goal_i, goal_j)
 
 
 @subroutine
@@ -158,7 +218,7 @@ def interpolated(grid: Array, u: float, v: float) -> float:
 
 
 @subroutine
-def solve(price: Array, value: Array, goal_i: int, goal_j: int) -> None:
+def solve(price: Array, value: Array, forbidden: IntArray, goal_i: int, goal_j: int) -> None:
     """Solve the eikonal equation by Jacobi sweeps.
 
     A sweep visits only cells next to one that changed in the last sweep; the others would not change.
@@ -166,6 +226,7 @@ def solve(price: Array, value: Array, goal_i: int, goal_j: int) -> None:
     Args:
         price: (NX, NY), per metre.
         value: (NX, NY), overwritten.
+        forbidden: (NX, NY) of int, bits of the moves that no path makes from a cell: to -x, +x, -y, +y; (0, 0): none.
         goal_i, goal_j: the goal's cell.
     """
     nx, ny = price.shape
@@ -196,6 +257,12 @@ def solve(price: Array, value: Array, goal_i: int, goal_j: int) -> None:
         for k in range(length):
             cell = queue[k]
             a, b = min(cost[cell - width], cost[cell + width]), min(cost[cell - 1], cost[cell + 1])
+            if len(forbidden) > 0:
+                moves = forbidden[min(max(cell // width - 1, 0), nx - 1), min(max(cell % width - 1, 0), ny - 1)]
+                a = min(
+                    _UNREACHED if moves & 1 else cost[cell - width], _UNREACHED if moves & 2 else cost[cell + width]
+                )
+                b = min(_UNREACHED if moves & 4 else cost[cell - 1], _UNREACHED if moves & 8 else cost[cell + 1])
             difference = a - b
             if abs(difference) >= step[cell]:  # a front that comes along one axis: the one-sided difference
                 updated = min(a, b) + step[cell]

@@ -45,7 +45,7 @@ def heading_field(scene: Scene, field: CostField) -> Array:
     Source: lattice of poses; Latombe, Robot Motion Planning (1991), chapter 7; Dijkstra, Numer. Math. 1 (1959) 269.
     """
     outline, goal = scene.robot.outline, scene.goal
-    barriers = scene.barriers.joined(scene.standing_humans).table.copy()
+    barriers = scene.robot_barriers.joined(scene.standing_humans).table.copy()
     _, nx, ny = field.layers.shape
     values = np.full((HEADINGS, nx, ny), UNREACHED)
     tolerance = goal.angle if goal.angle < ANY_HEADING else 4.0

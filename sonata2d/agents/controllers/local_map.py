@@ -83,7 +83,8 @@ def find_way(low: Array, evidence: Array, price: Array, value: Array, radius: fl
         for j in range(ny):
             gap = CELL * math.sqrt(nearest[i, j]) - radius
             price[i, j] = _BLOCKED if gap < 0.0 else 1.0 + _NEAR_PRICE * max(1.0 - gap / _NEAR, 0.0)
-    solve(price, value, int((x - low[X]) / CELL + 0.5), int((y - low[Y]) / CELL + 0.5))
+    forbidden = np.zeros((0, 0), dtype=np.int64)
+    solve(price, value, forbidden, int((x - low[X]) / CELL + 0.5), int((y - low[Y]) / CELL + 0.5))
 
 
 @subroutine

@@ -120,6 +120,7 @@ class _Memory(NamedTuple):
         outline: (2, N), radius and shoulder of each human of the scene, m; see `Humans`.
         body, headed: see `_cheapest`.
         present, present_outline: (N, 9) and (2, N), of the humans that are present; scratch.
+        speed_limits: (NX, NY), see `CostField`.
     """
 
     numbers: Floats
@@ -137,6 +138,7 @@ class _Memory(NamedTuple):
     headed: Floats3
     present: Floats2
     present_outline: Floats2
+    speed_limits: Floats2
 
 
 @kernel
@@ -151,8 +153,22 @@ def _plan(packed_memory: Any, tick: int, robot: Array, humans: Array, is_present
         if best < len(memory.pairs) - 1:
             v, t = memory.pairs[best, 0], memory.pairs[best, 1]
             last[0], last[1], last[2] = memory.velocities[v, X], memory.velocities[v, Y], memory.turns[t]
+        _keep_speed_limits(memory, robot)
     for axis in range(3):
         command[axis] = last[axis]
+
+
+@subroutine
+def _keep_speed_limits(memory: _Memory, robot: Array) -> None:
+    """Reduce the command to the speed limit where the robot is."""
+    last, limits, numbers = memory.last, memory.speed_limits, memory.numbers
+    if len(limits) == 0:
+        return
+    i = int(grid_coordinate(robot[X], numbers[_LOW_X], len(limits)) + 0.5)
+    j = int(grid_coordinate(robot[Y], numbers[_LOW_Y], limits.shape[1]) + 0.5)
+    speed = math.sqrt(last[0] * last[0] + last[1] * last[1])
+    if speed > limits[i, j]:
+        last[0], last[1] = last[0] * limits[i, j] / speed, last[1] * limits[i, j] / speed
 
 
 class SocialPlanner(KernelController):
@@ -216,6 +232,7 @@ class SocialPlanner(KernelController):
             headed=heading_field(scene, field) if len(core) > 1 else np.empty((0, 0, 0)),
             present=np.empty((len(table.id), HUMAN_SIZE)),
             present_outline=np.empty((2, len(table.id))),
+            speed_limits=field.speed_limits,
         )
 
     def command_overridden(self, twist: Twist) -> None:

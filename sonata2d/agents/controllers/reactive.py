@@ -102,7 +102,7 @@ class SocialForce(Controller):
         return controller
 
     def reset(self, scene: Scene) -> None:
-        barriers = scene.barriers.joined(scene.standing_humans)
+        barriers = scene.robot_barriers.joined(scene.standing_humans)
         self._space = FreeSpace(scene.outline, barriers, scene.robot.outline.inradius + 0.05)
         self._waypoint = scene.goal.position
         self._model = pedestrian_model(self.model)(scene)

@@ -261,7 +261,7 @@ def _document_image(document: JsonDict, label: LabelImage | None) -> JsonDict:
     images: dict[str, Callable[[Any], Any]] = {
         "rules": lambda rules: rules | {"side": flipped(rules["side"])},  # pedestrians evade to the other side
         "room": _room_image,
-        "areas": lambda areas: [area | {"polygon": _points_image(reversed(area["polygon"]))} for area in areas],
+        "areas": lambda areas: [_area_image(area) for area in areas],
         "walls": lambda walls: [[x2, flipped(y2), x1, flipped(y1)] for x1, y1, x2, y2 in walls],  # with swapped ends
         "objects": lambda objects: _objects_image(objects, original_thetas),
         "doors": lambda doors: [_pose_image(door) for door in doors],
@@ -353,6 +353,12 @@ def _shape_image(entity: JsonDict) -> JsonDict:
 def _human_image(human: JsonDict) -> JsonDict:
     points = {key: _points_image(human[key]) for key in ("goals", "track")}
     return _pose_image(human) | points | {"velocity": _points_image([human["velocity"]])[0]}
+
+
+def _area_image(area: JsonDict) -> JsonDict:
+    """The image of an area."""
+    image = area | {"polygon": _points_image(reversed(area["polygon"]))}
+    return image | {"one_way": flipped_angle(area["one_way"])} if "one_way" in area else image
 
 
 def _points_image(points: Iterable[list[Any]]) -> list[list[Any]]:

@@ -18,9 +18,9 @@ from pydantic import (
 )
 
 from ...core.bounds import Capacity, Fraction, NotNegative, Number, Positive
-from ...core.entities import DEFAULT_CONTROLLER, DEFAULT_MODEL, Formation, Limits, Reaction
+from ...core.entities import DEFAULT_CONTROLLER, DEFAULT_MODEL, Area, Formation, Limits, Reaction
 from ...core.files.limits import MAX_NAME
-from ...core.geometry import Disc, Point, Polygon, Rectangle, Shape, quantised
+from ...core.geometry import Disc, Point, Polygon, Rectangle, Shape, canonical_angle, quantised
 from ...core.labels import LabelSpec
 from ...core.scene import Rules, Social
 from ...core.wording import shown
@@ -204,20 +204,33 @@ class AreaConfig(Settings):
         polygon: corners in order, m, world frame; edges must not cross.
         share: weight with which drawn pedestrians and furniture are placed in this area; those at fixed furniture and
             at given places are not. Default: anywhere in the room, if no area has a share above 0.
+        no_go: whether robots must stay outside.
+        speed_limit: of a robot in the area, m/s.
+        one_way: rad, world frame: the only direction, up to a right angle, in which a robot may move in the area.
         attributes: values of attributes of areas by name, which `attributes.areas` declares; the others are drawn.
     """
 
-    _optional = frozenset({"share", "attributes"})
+    _optional = frozenset({"share", "no_go", "speed_limit", "one_way", "attributes"})
 
     name: AreaName
     polygon: Corners
     share: NotNegative | None = None
+    no_go: bool = False
+    speed_limit: Positive | None = None
+    one_way: Number | None = None
     attributes: GivenAttributes | None = None
 
     @property
     def corners(self) -> tuple[Point, ...]:
         """The corners at the precision of files, m."""
         return tuple((quantised(x), quantised(y)) for x, y in self.polygon)
+
+    def area(self) -> Area:
+        """The area of a scene."""
+        return Area(
+            self.name, self.corners, self.no_go, None if self.speed_limit is None else quantised(self.speed_limit),
+            None if self.one_way is None else canonical_angle(self.one_way), self.attributes,
+        )  # fmt: skip
 
 
 class PlaceConfig(Settings):
