@@ -20,8 +20,8 @@ from sonata2d.datasets.manifest import models as manifest_models
 from sonata2d.record import models
 from sonata2d.registry import QUESTION_KINDS
 from sonata2d.scenegen.scenario import sections
-from sonata2d.scenegen.scenario.base import Normal, Settings, is_section
 from sonata2d.scenegen.scenario.attributes import AttributeConfig, AttributesConfig
+from sonata2d.scenegen.scenario.base import Normal, Settings, is_section
 from sonata2d.scenegen.scenario.config import ScenarioConfig
 from sonata2d.scenegen.scenario.people import PersonSpec
 from sonata2d.study import config as study

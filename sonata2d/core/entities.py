@@ -58,7 +58,7 @@ class Furniture:
     shape: Shape
     on: Id | None = None
     seat: bool | None = None
-    attributes: Attributes | None = field(default=None, metadata=ADDITIVE)
+    attributes: Attributes | None = field(default=None, hash=False, metadata=ADDITIVE)
 
     @property
     def front(self) -> Point:
@@ -181,7 +181,7 @@ class Area:
     no_go: bool = field(default=False, metadata=ADDITIVE)
     speed_limit: Positive | None = field(default=None, metadata=ADDITIVE)
     one_way: Number | None = field(default=None, metadata=ADDITIVE)
-    attributes: Attributes | None = field(default=None, metadata=ADDITIVE)
+    attributes: Attributes | None = field(default=None, hash=False, metadata=ADDITIVE)
 
     def edges(self) -> list[tuple[Point, Point, float]]:
         """The edges, as barriers without thickness."""
@@ -260,7 +260,7 @@ class Human:
     kind: str = field(default=DEFAULT_KIND, metadata=ADDITIVE)
     length: NotNegative = field(default=0.0, metadata=ADDITIVE)
     side_steps: bool = field(default=True, metadata=ADDITIVE)
-    attributes: Attributes | None = field(default=None, metadata=ADDITIVE)
+    attributes: Attributes | None = field(default=None, hash=False, metadata=ADDITIVE)
 
     @property
     def shoulder(self) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Literal
 
@@ -45,6 +45,7 @@ class Meeting:
         crossing_delay: time between the two passages of the point where the paths cross, s; None if they do not cross.
         door_width: of a doorway that both come near, on opposite sides, and that one of them passes, m; None without
             one.
+        human_first: whether the human passes the point where the paths cross before the robot.
     """
 
     person: int
@@ -56,6 +57,7 @@ class Meeting:
     sight_distance: float | None
     crossing_delay: float | None
     door_width: float | None
+    human_first: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +70,7 @@ class GroupMeeting:
             group, bodies included.
         distance: smallest distance of the robot's centre from the centre of the group, m.
         radius: mean distance of the members from the centre of the group at that moment, m.
-        joined: whether the robot stands as near to the centre as the members do at the end.
+        joined: whether the robot stands, at the end, as near to the centre as the members do, or as they did at first.
     """
 
     group: int
@@ -87,12 +89,14 @@ class Encounter:
         groups: with each group.
         neighbours: mean number of humans within 3.6 m of the robot's outline.
         density: mean number of humans per m² of the room.
+        trajectory: of robot and humans.
     """
 
     meetings: tuple[Meeting, ...]
     groups: tuple[GroupMeeting, ...]
     neighbours: float
     density: float
+    trajectory: Trajectory = field(repr=False, compare=False)
 
 
 def encounter(record: EpisodeRecord) -> Encounter:
@@ -107,6 +111,7 @@ def encounter(record: EpisodeRecord) -> Encounter:
         tuple(meeting for meeting in groups if meeting is not None),
         float((clearance < SOCIAL_DISTANCE).sum(axis=1).mean()),
         float(trajectory.present.sum(axis=1).mean()) / scene.floor_area,
+        trajectory,
     )
 
 
@@ -130,6 +135,7 @@ def _meeting(trajectory: Trajectory, k: int) -> Meeting:
     moved = robot[last] - robot[first], human[last] - human[first]
     angle = _angle(*moved)
     cross = moved[0][0] * offset[nearest][1] - moved[0][1] * offset[nearest][0]
+    delay = _crossing_delay(robot, human, dt)
     return Meeting(
         person=trajectory.scene.humans[k].id,
         kind=_kind(moved, angle, offset[max(nearest - far, entered)], offset[min(nearest + far, left)]),
@@ -138,7 +144,8 @@ def _meeting(trajectory: Trajectory, k: int) -> Meeting:
         angle=angle,
         side="left" if cross > 0.0 else "right",
         sight_distance=_sight_distance(trajectory, k),
-        crossing_delay=_crossing_delay(robot, human, dt),
+        crossing_delay=None if delay is None else abs(delay),
+        human_first=delay is not None and delay > 0.0,
         door_width=_door_width(trajectory.scene, robot, human),
     )
 
@@ -179,10 +186,13 @@ def _sight_distance(trajectory: Trajectory, k: int) -> float | None:
 
 
 def _crossing_delay(robot: Array, human: Array, dt: float) -> float | None:
-    """Time between the passages of robot and human at the point where their paths cross, s; the smallest if several."""
+    """Time from the human's to the robot's passage of the point where their paths cross, s; the smallest if several."""
     human_steps = Barriers(human[:-1], human[1:], np.zeros(len(human) - 1))
     human_index, robot_index = np.nonzero(segments_cross(robot[:-1], robot[1:], human_steps))
-    return None if len(robot_index) == 0 else float(np.abs(robot_index - human_index).min()) * dt
+    if len(robot_index) == 0:
+        return None
+    delays = robot_index - human_index
+    return float(delays[int(np.argmin(np.abs(delays)))]) * dt
 
 
 def _door_width(scene: Scene, robot: Array, human: Array) -> float | None:
@@ -214,12 +224,15 @@ def _group_meeting(trajectory: Trajectory, group: Group) -> GroupMeeting | None:
         return None
     nearest = int(np.nanargmin(distance))
     straight = Barriers(trajectory.position[:1], np.array([trajectory.scene.goal.position]), np.zeros(1))
+    # Members may step aside for a robot that joins them.
+    to_first = lengths(trajectory.position[-1] - centre[0])
+    joins_first = group.kind == "talking" and to_first < radius[0] + _JOIN_TOLERANCE
     return GroupMeeting(
         group=group.id,
         blocks_path=bool(straight.gaps(centre[nearest : nearest + 1])[0, 0] < radius[nearest] + extent),
         distance=float(distance[nearest]),
         radius=float(radius[nearest]),
-        joined=bool(distance[-1] < radius[-1] + _JOIN_TOLERANCE),
+        joined=bool(distance[-1] < radius[-1] + _JOIN_TOLERANCE or joins_first),
     )
 
 

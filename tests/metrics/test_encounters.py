@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from sonata2d.core.entities import Group, Wall
 from sonata2d.metrics.encounters import Encounter, GroupMeeting, Meeting, encounter
 from sonata2d.metrics.situations import SITUATIONS
+from sonata2d.metrics.trajectory import Trajectory
 
 from ..conftest import room, walker
 from .samples import Poses, line, record, stay
@@ -187,7 +189,7 @@ def said(
     situation: str, *meetings: Meeting, groups: tuple[GroupMeeting, ...] = (), crowd: tuple[float, float] = (0, 0)
 ) -> str:
     """The description of a verdict, after + or -."""
-    verdict = SITUATIONS[situation](Encounter(meetings, groups, *crowd))
+    verdict = SITUATIONS[situation](Encounter(meetings, groups, *crowd, trajectory=cast(Trajectory, None)))
     return f"{'+' if verdict.took_place else '-'} {verdict.description}"
 
 
