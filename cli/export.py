@@ -31,6 +31,7 @@ def _types(ctx: click.Context, _: click.Parameter, values: tuple[str, ...]) -> d
         "export demo --to csv -o tracks",
         "export demo/000000.json --to socnav3 -o one.json",
         "export demo --to sonata --quirks original -o old",
+        "export demo --to chat --questions 10 --pictures -o chat",
         "export big --to parquet --shard-size 1000 --workers 8 -o tables",
     ),
 )
@@ -68,6 +69,10 @@ def _types(ctx: click.Context, _: click.Parameter, values: tuple[str, ...]) -> d
     metavar="N",
     help="Format parquet: N episodes in each file, for large data sets.",
 )
+@click.option(
+    "--questions", type=click.IntRange(1), metavar="N", help="Format chat: lines of each episode.  [default: 20]"
+)
+@click.option("--pictures", is_flag=True, help="Format chat: a picture of the moment with each question.")
 @workers_options
 @json_option
 def command(
@@ -80,6 +85,8 @@ def command(
     robot: int,
     robots_as: Literal["people", "objects"],
     shard_size: int | None,
+    questions: int | None,
+    pictures: bool,
     workers: WorkerOptions,
 ) -> None:
     """Export episodes to a format of another program.
@@ -91,7 +98,10 @@ def command(
     from sonata2d.formats.format import Options
 
     with workers.started() as pool, progress(len(episodes_in(source)), "episodes") as advance:
-        options = Options(original=quirks == "original", context=context, types=types, robot=robot, robots_as=robots_as)
+        options = Options(
+            original=quirks == "original", context=context, types=types, robot=robot, robots_as=robots_as,
+            questions=questions, pictures=pictures,
+        )  # fmt: skip
         require_supported(format, options)
         result = export_to(source, format, output, options, shard_size=shard_size, workers=pool, advance=advance)
     show_transfer(result, format, f"{output}: {counted(len(result.files), f'{format} file')}")

@@ -249,6 +249,7 @@ FORMATS = Registry(
         "tracks": "sonata2d.formats.tracks.document:FORMAT",
         "trajnet": "sonata2d.formats.trajnet:FORMAT",
         "npz": "sonata2d.formats.npz:FORMAT",
+        "chat": "sonata2d.formats.chat.export:FORMAT",
         "parquet": "sonata2d.formats.parquet:FORMAT",
     },
     RecordError,

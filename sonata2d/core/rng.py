@@ -19,7 +19,7 @@ T = TypeVar("T")
 # Append only: a stream is seeded by the index of its name, so a new order would change every recorded episode.
 StreamName = Literal[
     "scene", "people", "noise", "controller", "company", "glances", "manners", "journeys", "deviations", "order",
-    "sensors", "attributes",
+    "sensors", "attributes", "words",
 ]  # fmt: skip
 _STREAM_NAMES: tuple[StreamName, ...] = get_args(StreamName)
 _ULP = 1.0 / 9007199254740992.0  # 2 ** -53, the spacing of 53-bit fractions

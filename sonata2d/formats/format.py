@@ -41,6 +41,8 @@ class Options(FloatFields):
         walls: on import, a file with the walls of the room (`x1,y1,x2,y2` in m), for files without walls.
         robot: of several robots, the number of the one that is exported as the robot, 0 the first.
         robots_as: what the other robots are exported as, `people` or `objects`.
+        questions: number of questions about an episode; None: as the format has them.
+        pictures: whether questions come with a picture of the moment.
     """
 
     original: bool = False
@@ -55,6 +57,8 @@ class Options(FloatFields):
     walls: Path | None = None
     robot: int = 0
     robots_as: RobotsAs = "people"
+    questions: int | None = None
+    pictures: bool = False
 
     def __post_init__(self) -> None:
         FloatFields.__post_init__(self)  # a class with slots has no super() without arguments

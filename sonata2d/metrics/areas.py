@@ -9,7 +9,7 @@ from ..core.geometry import Barriers, inside_rings
 from ..core.portable_math import Array, BoolArray, unit_vector
 from ..core.vectors import lengths
 from .definition import metric
-from .trajectory import Trajectory
+from .trajectory import Trajectory, gaps_to
 
 _SLOW = 0.05  # m/s, up to which a robot may drift against a one-way direction
 _SPEED_TOLERANCE = 0.02  # m/s, above a speed limit
@@ -59,7 +59,7 @@ def _is_inside(trajectory: Trajectory, area: Area) -> BoolArray:
 
 def _touches(trajectory: Trajectory, area: Area) -> BoolArray:
     """(L,), whether the robot's outline meets the edges of an area."""
-    touches: BoolArray = trajectory.gaps_to(Barriers.of(area.edges())).min(axis=0) < 0.0
+    touches: BoolArray = gaps_to(trajectory, Barriers.of(area.edges())).min(axis=0) < 0.0
     return touches
 
 

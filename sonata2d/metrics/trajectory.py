@@ -222,13 +222,7 @@ class Trajectory:
     @cached_property
     def barrier_clearance(self) -> Array:
         """(M, L), m, from the robot's outline to each of the scene's M barriers, negative where they overlap."""
-        return self.gaps_to(self.scene.barriers)
-
-    def gaps_to(self, barriers: Barriers) -> Array:
-        """(M, L), m, from the robot's outline to each of M barriers, negative where they overlap."""
-        if self.is_disc:
-            return barriers.gaps(self.position) - self.radius
-        return self._gaps(barriers.table[None, :, :5]).T
+        return gaps_to(self, self.scene.barriers)
 
     @cached_property
     def robot_clearance(self) -> Array:
@@ -259,6 +253,13 @@ class Trajectory:
         x, y = self.position[0].tolist()
         length = shortest_length(table, radius, x, y, float(goal.x), float(goal.y), float(goal.distance))
         return length if np.isfinite(length) else None
+
+
+def gaps_to(trajectory: Trajectory, barriers: Barriers) -> Array:
+    """(M, L), m, from the robot's outline to each of M barriers, negative where they overlap."""
+    if trajectory.is_disc:
+        return barriers.gaps(trajectory.position) - trajectory.radius
+    return trajectory._gaps(barriers.table[None, :, :5]).T
 
 
 def _find_collisions(trajectory: Trajectory) -> list[Collision]:

@@ -91,18 +91,21 @@ def _draw_time_bar(canvas: Picture, right: tuple[int, int], span: tuple[float, f
 
 
 def draw_labels(canvas: Picture, labels: Sequence[Label], size: int, unlabelled: Sequence[pygame.Rect] = ()) -> None:
-    """Draw small texts on light plates beside their objects, so that they do not hide each other where possible.
+    """Draw small texts on light plates beside their objects, within the picture and apart where possible.
 
     Args:
         labels: in order of importance; a label avoids the labels before it, and the objects of all labels.
         size: font size, px.
         unlabelled: boxes of objects without a label, which labels avoid too, px.
     """
+    picture = pygame.Rect((0, 0), canvas.size)
+    labels = [label for label in labels if picture.colliderect(label.body)]
     taken: list[pygame.Rect] = []
     bodies = [label.body for label in labels]
     for k, label in enumerate(labels):
         others = [*unlabelled, *(body for j, body in enumerate(bodies) if j != k)]
-        places = _places_beside(label, size)
+        beside = _places_beside(label, size)
+        places = [box for box in beside if picture.contains(box)] or [box.clamp(picture) for box in beside]
         box = next((box for box in places if box.collidelist([*taken, *others]) < 0), None)
         if box is None:  # no place is free: rather hide an entity than a label
             box = next((box for box in places if box.collidelist(taken) < 0), places[0])

@@ -289,8 +289,10 @@ export class SceneDrawing {
 
   drawWords(item, words) {
     const {pen, camera} = this, size = (item.words ? .13 : .17) * camera.scale, [x, y] = toPixels(camera, item.x, item.y);
-    const label = [words, x, y - (item.radius + .06) * camera.scale];
     pen.font = `600 ${size}px system-ui, sans-serif`; pen.textAlign = "center"; pen.lineJoin = "round";
+    const half = pen.measureText(words).width / 2, above = y - (item.radius + .06) * camera.scale;
+    const isSeen = x > 0 && x < camera.width && y > 0 && y < camera.height;  // only then words are kept in the picture
+    const label = [words, isSeen ? Math.max(half, Math.min(x, camera.width - half)) : x, isSeen ? Math.max(size, above) : above];
     pen.lineWidth = .06 * camera.scale; pen.strokeStyle = "#fff"; pen.strokeText(...label);
     pen.fillStyle = this.scene.colours.ink; pen.fillText(...label);
   }

@@ -50,6 +50,12 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[EpisodeRecord]:
             at_plant=1,
             at_object=1,
             chairs=1,
+            arguing_pairs=[0, 1],
+            handing_over_pairs=[0, 1],
+            caring_pairs=[0, 1],
+            watching_tv=[0, 1],
+            leading_pairs=[0, 1],
+            following_pairs=[0, 1],
         )
         path = folder / f"{seed}.json"
         with s2.JsonRecorder(path) as recorder:

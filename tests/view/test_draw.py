@@ -14,6 +14,7 @@ from sonata2d.errors import RenderError
 from sonata2d.view.annotations import Label, draw_labels, value_text
 from sonata2d.view.canvas import PixelCanvas
 from sonata2d.view.draw import camera_for
+from sonata2d.view.fonts import width_of
 from sonata2d.view.graph_picture import Panel, network_picture
 from sonata2d.view.layers import Layers
 from sonata2d.view.legend import Legend
@@ -219,6 +220,18 @@ def test_labels_do_not_hide_each_other(scene):
     assert len(boxes) == 4
     assert all(box.collidelist(boxes[k + 1 :]) < 0 for k, box in enumerate(boxes))
     assert unlabelled.collidelist(boxes) < 0
+
+
+@pytest.mark.parametrize("centre", [(4.0, 150.0), (296.0, 150.0), (150.0, 4.0), (150.0, 296.0), (4.0, 4.0)])
+def test_labels_of_objects_at_an_edge_lie_in_the_picture(centre):
+    surface = pygame.Surface((300, 300), 0, 32)
+    surface.fill((1, 2, 3))
+    words = "person with many attributes"
+    draw_labels(PixelCanvas(surface), [Label(words, centre, 8.0), Label(words, (-40.0, 150.0), 8.0)], 14)
+    plate = pygame.mask.from_threshold(surface, (255, 255, 255), (90, 90, 90, 255)).get_bounding_rects()
+    box = plate[0].unionall(plate)
+    assert box.width >= width_of(words, 14)  # the whole label
+    assert box.height < 20  # and only one: the other object is outside the picture
 
 
 def test_ids_of_graph_nodes_at_the_same_place_do_not_hide_each_other(monkeypatch):

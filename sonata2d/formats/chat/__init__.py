@@ -1,0 +1,1 @@
+"""Episodes in words: instructions, sentences, questions with answers, and their export for language models."""

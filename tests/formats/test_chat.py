@@ -1,0 +1,138 @@
+"""Instructions, sentences, questions and answers, and their export in the chat form."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pygame
+import pytest
+
+import sonata2d as s2
+from sonata2d.formats import export_to, import_from
+from sonata2d.formats.chat.export import FORMAT, export
+from sonata2d.formats.chat.questions import QUESTIONS, ask
+from sonata2d.formats.chat.recompute import recompute
+from sonata2d.formats.chat.words import instruction, listed, persons, situation, story
+from sonata2d.formats.format import Options
+
+WARD: dict[str, Any] = {
+    "name": "ward", "standing": 1, "wandering": 4, "tables": 1, "plants": 1, "at_laptop": 1, "relations": 0,
+    "talking_groups": 1, "arguing_pairs": 1, "handing_over_pairs": 1, "room": {"kinds": ["square"], "side": 10},
+    "person": {"kinds": {"adult": 2, "child": 1, "wheelchair": 1}},
+    "doors": [{"inflow": 8}], "social": {"exits": 0.3},
+    "areas": [
+        {"name": "ward", "polygon": [[-5, -5], [0, -5], [0, 5], [-5, 5]], "speed_limit": 0.5},
+        {"name": "carpet", "polygon": [[3, 3], [4, 3], [4, 4], [3, 4]], "no_go": True},
+    ],
+    "attributes": {
+        "people": {"emotion": {"calm": 3, "angry": 1}, "hurried": 0.3}, "objects": {"fragile": 0.3},
+        "episode": {"robot_carries": {"a cup": 1, "nothing": 0}},
+    },
+}  # fmt: skip
+
+
+@cache
+def record_of(seed: int) -> s2.EpisodeRecord:
+    recorder = s2.EpisodeRecorder()
+    s2.Episode(s2.generate(s2.ScenarioConfig(**WARD), seed), s2.SocialPlanner(), observers=[recorder]).run()
+    return recorder.record()
+
+
+def test_every_answer_is_the_same_when_other_code_computes_it_and_every_kind_is_asked() -> None:
+    kinds = set()
+    for seed in range(8):
+        record = record_of(seed)
+        questions = ask(record, 60)
+        assert len({question.text for question in questions}) == len(questions)
+        for q in questions:
+            assert recompute(record.document, q.kind, q.tick, q.ids, q.value) == q.answer, q
+            kinds.add(q.kind)
+    assert set(QUESTIONS) - kinds <= {"arrival", "between"}
+
+
+def test_a_wrong_answer_is_found() -> None:
+    record = record_of(0)
+    changed = {**record.document, "outcome": record.document["outcome"] | {"status": "timeout"}}
+    before = record.document["outcome"]["status"]
+    assert before == "goal"
+    assert recompute(record.document, "reaches-goal", None, (), None) == "yes"
+    assert recompute(changed, "reaches-goal", None, (), None) == "no"
+    with pytest.raises(ValueError, match="no question of the kind"):
+        recompute(record.document, "who-knows", None, (), None)
+
+
+def test_an_episode_has_the_same_questions_each_time() -> None:
+    assert ask(record_of(1), 15) == ask(record_of(1), 15)
+    assert ask(record_of(1), 15) != ask(record_of(2), 15)
+    assert len(ask(record_of(1), 5)) == 5
+    assert ask(record_of(1), 0) == []
+
+
+def test_an_instruction_names_destination_people_areas_and_fragile_things_by_their_ids() -> None:
+    scene = record_of(0).scene()
+    task = instruction(scene)
+    talking = {member for group in scene.groups if group.kind == "talking" for member in group.members}
+    assert set(task.slots["undisturbed"]) == talking
+    assert (task.slots["no_go"], task.slots["slow"]) == (["carpet"], ["ward"])
+    fragile = [piece.id for piece in scene.furniture if (piece.attributes or {})["fragile"]]
+    assert task.slots.get("fragile", []) == fragile
+    assert "carry a cup" in task.text
+    assert "who argue" in task.text
+    assert "do not enter the carpet" in task.text
+    assert task.text.startswith("Go to ")
+    assert instruction(s2.generate("empty", 1)).slots == {}
+
+
+def test_a_situation_describes_everything_in_the_robots_frame() -> None:
+    snapshot = record_of(0).snapshot(20)
+    text = situation(snapshot)
+    for human in snapshot.humans:
+        ahead, left = snapshot.robot.pose.to_local(human.pose.position)
+        assert f"Person {human.id} is at ({ahead + 0.0:.1f}, {left + 0.0:.1f})" in text
+    assert text.count(" is at (") == 1 + len(snapshot.humans) + len(snapshot.scene.furniture)  # 1: the goal
+
+
+def test_a_story_tells_start_meetings_and_end() -> None:
+    sentences = story(record_of(0))
+    assert sentences[0].startswith("The robot starts ")
+    assert sentences[-1].startswith("It reaches its goal after ")
+    times = [float(line.split()[1]) for line in sentences if line.startswith("At ")]
+    assert times == sorted(times)
+    met = s2.generate(s2.load_scenario("frontal-approach"), 0)
+    recorder = s2.EpisodeRecorder()
+    s2.Episode(met, s2.SocialPlanner(), observers=[recorder]).run()
+    assert any("meets person 1, who comes towards it" in line for line in story(recorder.record()))
+
+
+def test_the_export_has_a_description_and_questions_with_pictures_on_request(tmp_path: Path) -> None:
+    record = record_of(0)
+    lines = [json.loads(line) for line in export(record, Options(questions=4, pictures=True)).splitlines()]
+    assert [line["meta"]["kind"] == "description" for line in lines] == [True, False, False, False]
+    assert [message["role"] for message in lines[0]["messages"]] == ["system", "user", "assistant"]
+    picture, text = lines[1]["messages"][1]["content"]
+    image = pygame.image.load(io.BytesIO(base64.b64decode(picture["image_url"]["url"].partition(",")[2])))
+    assert max(image.get_size()) <= 480
+    assert text["text"].endswith("?")
+    plain = [json.loads(line) for line in export(record, Options()).splitlines()]
+    assert len(plain) == 20
+    assert isinstance(plain[1]["messages"][1]["content"], str)
+
+
+def test_episodes_without_a_robot_are_refused(tmp_path: Path) -> None:
+    assert FORMAT.options == {"questions", "pictures"}
+    tracks = tmp_path / "tracks.csv"
+    tracks.write_text("frame,ped,x,y\n" + "".join(f"{k},1,{0.1 * k},0\n{k},2,{0.1 * k},1\n" for k in range(30)))
+    [path] = import_from(tracks, "csv", tmp_path / "in", Options(frame_time=0.1)).files
+    result = export_to(path, "chat", tmp_path / "out")
+    assert ["no recorded robot" in omission.reason for omission in result.skipped] == [True]
+
+
+def test_lists_in_words() -> None:
+    assert listed(["a"]) == "a"
+    assert persons([3]) == "person 3"
+    assert persons([3, 4, 5]) == "persons 3, 4 and 5"
