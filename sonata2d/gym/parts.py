@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from ..core.compiled.packing import Ints
 from ..core.floats import FloatFields
 from ..core.furniture_types import OBJECT_TYPES
+from ..core.geometry import Barriers, inside_rings
 from ..core.person_kinds import BUILT_IN as PERSONS
-from ..core.portable_math import Array
+from ..core.portable_math import Array, unit_vector
 from ..core.relations import ACTIVITIES, RELATIONS
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
@@ -327,7 +328,58 @@ class HumanKinds(SnapshotPart):
                 out[n] = self._kinds[k]
 
 
-OPTIONAL: tuple[type[ObservationPart], ...] = (HumanKinds,)
+class AreaRules(SnapshotPart):
+    """Nearest no-go area and nearest area with a speed limit, 100 m if there is none; the rules at the robot's centre.
+
+    The position of an area is that of its nearest point, which is the robot's centre, at a distance of 0, inside. Where
+    there is no limit, the speed is 20 m/s; where every direction is allowed, `way_cos` and `way_sin` are 0.
+    """
+
+    name, about = "area_rules", frozenset({"robot"})
+    columns = (
+        *point("no_go_x", "no_go_y"), Column("no_go_distance", "m", FARTHEST),
+        *point("limited_x", "limited_y"), Column("limited_distance", "m", FARTHEST),
+        Column("limited_speed", "m/s", FASTEST), Column("speed_limit", "m/s", FASTEST),
+        *direction("way_cos", "way_sin"),
+    )  # fmt: skip
+
+    def begin(self, scene: Scene) -> None:
+        self._areas = [(area, Barriers.of(area.edges())) for area in scene.areas]
+
+    def fill(self, snapshot: Snapshot, rows: Rows, out: NDArray[Any]) -> None:
+        pose = snapshot.robot.pose
+        centre, nearest = np.array([pose.position]), {"no_go": FARTHEST, "limited": FARTHEST}
+        out[self._at("no_go_distance", "limited_distance")] = FARTHEST
+        out[self._at("limited_speed", "speed_limit")] = FASTEST
+        for area, edges in self._areas:
+            is_inside = bool(inside_rings(centre, area.polygon, ())[0])
+            dx, dy = (0.0, 0.0) if is_inside else _nearest(*edges.towards(centre))
+            distance = math.sqrt(dx * dx + dy * dy)
+            if area.no_go and distance < nearest["no_go"]:
+                nearest["no_go"] = distance
+                out[self._at("no_go_x", "no_go_y")] = pose.to_local((pose.x + dx, pose.y + dy))
+                out[self._at("no_go_distance")] = distance
+            if area.speed_limit is not None:
+                if distance < nearest["limited"]:
+                    nearest["limited"] = distance
+                    out[self._at("limited_x", "limited_y")] = pose.to_local((pose.x + dx, pose.y + dy))
+                    out[self._at("limited_distance", "limited_speed")] = distance, area.speed_limit
+                if is_inside:
+                    out[self._at("speed_limit")] = min(area.speed_limit, float(out[self._at("speed_limit")][0]))
+            if area.one_way is not None and is_inside:
+                out[self._at("way_cos", "way_sin")] = unit_vector(area.one_way - pose.theta)
+
+    def _at(self, *names: str) -> list[int]:
+        return list(places(type(self), *names))
+
+
+def _nearest(x: Array, y: Array) -> tuple[float, float]:
+    """The shortest of vectors; (M, 1) each."""
+    k = int(np.argmin(x[:, 0] ** 2 + y[:, 0] ** 2))
+    return float(x[k, 0]), float(y[k, 0])
+
+
+OPTIONAL: tuple[type[ObservationPart], ...] = (HumanKinds, AreaRules)
 """The other built-in parts, which an environment has if its argument `parts` names them."""
 
 OBSERVATION_PARTS.built_in |= {part.name: f"{__name__}:{part.__name__}" for part in (*STANDARD, *OPTIONAL)}

@@ -13,6 +13,8 @@ import sonata2d as s2
 from sonata2d.core.geometry import inside_rings
 from sonata2d.datasets import mirror_file, verify
 from sonata2d.errors import SceneError
+from sonata2d.gym import SocialNavEnv
+from sonata2d.gym.parts import AreaRules
 from sonata2d.metrics import Trajectory
 from sonata2d.metrics.catalogue import METRICS
 from sonata2d.view.stills import picture, snapshot_of
@@ -49,6 +51,31 @@ def test_planners_drive_round_a_no_go_area(controller: s2.Controller) -> None:
     straight = run(trajectory.scene, s2.StraightToGoal())
     times = straight.time[:-1][np.abs(straight.position[:-1, 0]) < 1.3]
     assert value("no_go_time", straight) == pytest.approx(len(times) * 0.1, abs=0.11), "the whole outline counts"
+
+
+def test_observations_have_the_rules_as_a_part() -> None:
+    areas = [
+        {"name": "carpet", "polygon": BLOCK, "no_go": True},
+        {"name": "far carpet", "polygon": [[5, -4], [6, -4], [6, -3]], "no_go": True},
+        {"name": "ward", "polygon": [[-6, -4], [-4, -4], [-4, 4], [-6, 4]], "speed_limit": 0.4},
+        {"name": "ramp", "polygon": [[-6, -4], [-4.5, -4], [-4.5, 4], [-6, 4]], "speed_limit": 0.3, "one_way": 0.0},
+    ]
+    config = s2.ScenarioConfig(**(HALL | {"robot": {"pose": [-5, 0, np.pi / 2]}}), areas=areas)
+    env = SocialNavEnv(config, parts=["area_rules"])
+    seen, _ = env.reset(seed=0)
+    names = [column.name for column in AreaRules.columns]
+    rules = dict(zip(names, seen["area_rules"].tolist(), strict=True))
+    expected = {  # the robot looks along the y axis of the world, so that the carpet is on its right
+        "no_go_x": 0.0, "no_go_y": -4.0, "no_go_distance": 4.0, "limited_x": 0.0, "limited_y": 0.0,
+        "limited_distance": 0.0, "limited_speed": 0.4, "speed_limit": 0.3, "way_cos": 0.0, "way_sin": -1.0,
+    }  # fmt: skip
+    assert rules == pytest.approx(expected, abs=1e-4)  # headings are rounded
+    assert env.observation_space.contains(seen)
+    free = SocialNavEnv(s2.ScenarioConfig(**HALL), parts=["area_rules"])
+    values = dict(zip(names, free.reset(seed=0)[0]["area_rules"].tolist(), strict=True))
+    assert values == dict.fromkeys(names, 0.0) | {
+        "no_go_distance": 100.0, "limited_distance": 100.0, "limited_speed": 20.0, "speed_limit": 20.0
+    }  # fmt: skip
 
 
 def test_the_planner_brakes_before_an_area_with_a_speed_limit_and_keeps_it() -> None:
