@@ -201,7 +201,12 @@ export class SceneDrawing {
   inRoom(draw) {
     const {pen} = this;
     pen.save();
-    if (this.scene.outline.length) { this.polygon(...this.scene.outline); pen.clip(); }
+    const {outline, holes} = this.scene;
+    if (outline.length) {
+      this.polygon(...outline);
+      for (const hole of holes) { hole.forEach(([x, y], k) => k ? pen.lineTo(x, y) : pen.moveTo(x, y)); pen.closePath(); }
+      pen.clip("evenodd");
+    }
     draw(); pen.restore();
   }
 

@@ -78,6 +78,7 @@ def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # no
         "dt": scene.rules.dt,
         "unmeasured": sorted(scene.unmeasured),
         "outline": scene.polygon,
+        "holes": scene.holes,
         "walls": [[*wall.start, *wall.end] for wall in scene.walls],
         "goal": [*scene.goal.position, scene.goal.distance],
         "robotRadius": scene.robot.radius,

@@ -268,6 +268,16 @@ def test_a_drawing_in_svg_has_rooms_doors_and_furniture(tmp_path: Path) -> None:
     assert coloured.config.room == config.room
 
 
+def test_photographs_are_turned_as_their_camera_says(tmp_path: Path) -> None:
+    plan = Image.fromarray(np.where(grid(*TWO_ROOMS), 255, 0).astype(np.uint8))
+    plan.save(tmp_path / "upright.png")
+    exif = Image.Exif()
+    exif[0x0112] = 6  # turned by 90 degrees when shown
+    plan.transpose(Image.Transpose.ROTATE_90).save(tmp_path / "turned.png", exif=exif)
+    upright, turned = (scenario_from_map(tmp_path / f"{name}.png", unit=0.05) for name in ("upright", "turned"))
+    assert turned.config.room == upright.config.room
+
+
 def test_layers_that_are_missing_are_named(tmp_path: Path) -> None:
     path = tmp_path / "flat.svg"
     path.write_text(FLAT.replace("Walls", "Mauern"))
@@ -319,6 +329,21 @@ LEAF_AND_SWING = '<g id="doors" fill="none" stroke="red"><path d="M5 3 H6"/><pat
         (
             drawing(LEAF_AND_SWING, "<g id='furniture' fill='none'><path d=''/><rect id='table' class='t' "
                     "x='1' y='1' width='2' height='1'/></g>", head="<style>.t{fill:rgb(1,2,3)}</style>"),
+            ["room-1", "room-2"], ["table"],
+        ),
+        (  # a group is one piece, but not what is apart from it; four loose lines that touch are one piece
+            drawing(
+                LEAF_AND_SWING, "<g id='furniture' fill='none'><g><title>sofa</title><rect x='1' y='1' width='2' "
+                "height='1'/><rect x='1.2' y='1.2' width='.5' height='.5'/><rect x='1' y='4' width='2' height='1'/></g>"
+                "<path d='M7 1 H8'/><path d='M8 1 V2'/><path d='M8 2 H7'/><path d='M7 2 V1'/></g>",
+            ),
+            ["room-1", "room-2"], ["sofa", "sofa", "object"],
+        ),
+        (
+            drawing(
+                LEAF_AND_SWING, "<g id='furniture' xmlns:i='http://www.inkscape.org/namespaces/inkscape' fill='none'>"
+                "<g i:label='desk'><path id='path1' d='M1 1 H3'/><path d='M3 1 V2'/><path d='M1 1 L3 2'/></g></g>",
+            ),
             ["room-1", "room-2"], ["table"],
         ),
     ],

@@ -34,6 +34,7 @@ _SMALLEST_ROOM, _SMALLEST_GAP = 0.5, 0.01  # m²
 _TOLERANCE, _JOINED = 0.01, 1e-3  # m, of straightened walls, and by which parts of the floor overlap
 _FACE = 0.03  # m, by which a door drawn on the face of a wall reaches into the gap
 _SLIT = 0.02  # m, half the width of a gap between a door and a wall that counts as closed
+_TOUCHING = 0.01  # m, up to which lines of furniture touch
 _LARGEST_OBJECT = 1.0  # m, longest side of a closed outline of walls that counts as an object, such as a pillar
 _PICTURE_SIDE = 1600  # pixels of the longer side
 _LONGEST_NAME = 60
@@ -56,6 +57,7 @@ class DrawnShape:
         is_filled: whether the outline is an area rather than a line.
         others: further outlines of the same area, (K, 2) each, m: what lies in an even number of outlines is a hole.
         width: of a line, m; 0: `MapOptions.wall_width`.
+        group: named group of elements; those that touch each other are one piece of furniture.
     """
 
     points: Array
@@ -65,6 +67,7 @@ class DrawnShape:
     is_filled: bool = False
     others: tuple[Array, ...] = ()
     width: float = 0.0
+    group: str = ""
 
 
 @dataclass(frozen=True)
@@ -163,17 +166,42 @@ def _solid(shape: DrawnShape, width: float) -> Any:
 
 
 def _grouped(shapes: Sequence[DrawnShape], patterns: Iterable[str]) -> list[DrawnShape]:
-    """The shapes of a layer; those of one element or block are joined."""
+    """The pieces of furniture in a layer, a shape each.
+
+    One piece are the shapes of an element or block, those of a named group that touch each other, and loose lines that
+    touch each other, such as the four sides of a table.
+    """
     found: dict[str, list[DrawnShape]] = {}
+    touching: dict[str, list[DrawnShape]] = {}
     for k, shape in enumerate(shapes):
         if _matches(shape, patterns):
-            found.setdefault(shape.part_of or f"shape {k}", []).append(shape)
+            is_loose = not (
+                shape.part_of or shape.name or shape.is_filled or (shape.points[0] == shape.points[-1]).all()
+            )
+            if not shape.part_of and (shape.group or is_loose):
+                touching.setdefault(shape.group, []).append(shape)
+            else:
+                found.setdefault(shape.part_of or f"shape {k}", []).append(shape)
+    groups = [*found.values(), *(part for group in touching.values() for part in _touching(group))]
+    place = {id(shape): k for k, shape in enumerate(shapes)}
+    groups.sort(key=lambda parts: place[id(parts[0])])  # as in the drawing
     return [
         parts[0]
         if len(parts) == 1
         else DrawnShape(np.concatenate([part.points for part in parts]), parts[0].layers, parts[0].name)
-        for parts in found.values()
+        for parts in groups
     ]
+
+
+def _touching(shapes: Sequence[DrawnShape]) -> list[list[DrawnShape]]:
+    """Shapes that touch each other, together; a closed outline touches what is in it."""
+    geometry, found = shapely(), dict[int, list[DrawnShape]]()
+    lines = [geometry.LineString(shape.points) for shape in shapes]
+    filled = [geometry.Polygon(line.buffer(_TOUCHING).exterior) for line in lines]
+    reached = polygons_of(geometry.union_all(filled))
+    for line, part in geometry.STRtree(reached).query(lines, "intersects").T.tolist():
+        found.setdefault(part, []).append(shapes[line])
+    return list(found.values())
 
 
 def _hull(shape: DrawnShape) -> Any | None:

@@ -93,15 +93,19 @@ class ImageMap:
         """
         if options.unit is None:
             raise ConfigError(f"{path}: an image does not say how large it is; give the size of a pixel, m (--unit)")
-        grey, alpha = _read_image(path)
+        grey, alpha = _read_image(path, is_photograph=True)
         is_floor = (grey > 255.0 * (1.0 - options.threshold)) | (alpha < 128)
         picture = Picture(grey, (0.0, 0.0), 0.0, options.unit)
         thin = _THIN if options.thin is None else options.thin
         return _traced(is_floor, picture, options, thin=thin, has_outside=True)
 
 
-def _read_image(path: Path) -> tuple[Any, Any]:
+def _read_image(path: Path, *, is_photograph: bool = False) -> tuple[Any, Any]:
     """Brightness and opacity of an image, (H, W) of uint8 each.
+
+    Args:
+        path: of the file.
+        is_photograph: whether it is turned as its camera says (EXIF orientation).
 
     Raises:
         ConfigError: it cannot be read, or is too large.
@@ -114,7 +118,8 @@ def _read_image(path: Path) -> tuple[Any, Any]:
                 raise ConfigError(f"{path} has {size} pixels, at most {_MOST_PIXELS} are read; make it smaller")
             if opened_image.mode.startswith("I"):
                 raise ConfigError(f"{path} has 16 bits a pixel; save it with 8 bits")
-            bands = np.asarray(opened_image.convert("LA"))
+            upright = package("PIL.ImageOps").exif_transpose(opened_image) if is_photograph else opened_image
+            bands = np.asarray(upright.convert("LA"))
     except (OSError, ValueError, SyntaxError, image.DecompressionBombError) as error:
         raise ConfigError(f"the image {path.name} cannot be read: {one_line(error, 200)}") from error
     return bands[:, :, 0], bands[:, :, 1]

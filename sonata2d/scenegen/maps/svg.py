@@ -63,15 +63,17 @@ class SvgDrawing:
                 title = style.get("title", "")
                 if any(fnmatch(title.lower(), pattern.lower()) for pattern in patterns):
                     title = ""  # of a layer
-                name = _title(element) or _name(element) or title
-                owner = f"element {number}" if name else ""
+                own = _title(element) or _name(element)
+                name, owner, group = own or title, f"element {number}" if own else "", ""
+                if title and not own:
+                    group = style["group"]
                 lines = [
                     (matrix @ np.column_stack((line, np.ones(len(line)))).T)[:2].T for line in _lines(element, tag)
                 ]
                 if lines and not _is_clear(style.get("fill", "black"), style.get("fill-opacity")):
-                    shapes.append(DrawnShape(lines[0], layers, name, owner, True, tuple(lines[1:])))
+                    shapes.append(DrawnShape(lines[0], layers, name, owner, True, tuple(lines[1:]), group=group))
                 else:
-                    shapes += [DrawnShape(line, layers, name, owner) for line in lines]
+                    shapes += [DrawnShape(line, layers, name, owner, group=group) for line in lines]
         except RecursionError as error:
             raise ConfigError(f"{path.name}: groups are nested too deeply") from error
         clones = sum(_tag(element) == "use" for element in root.iter())
@@ -86,7 +88,7 @@ def _elements(
 ) -> Iterator[tuple[Any, Array, frozenset[str], dict[str, str]]]:
     """The drawn elements, each with its transformation to user units, the names of its groups, and what it inherits.
 
-    That is its fill, its stroke and the title of its group.
+    That is its fill, its stroke, and the title or label of its group.
     """
     own = {key: value for key in _INHERITED if (value := _style(element, key, classes))}
     if _tag(element) in _NOT_DRAWN or _style(element, "display", classes) == "none":
@@ -101,8 +103,8 @@ def _elements(
     names = {element.get("id"), element.get(_LABEL), *(element.get("class") or "").split()}
     layers = layers | frozenset(name for name in names if name)
     if _tag(element) in ("svg", "g", "a", "switch"):
-        if _tag(element) == "g" and _title(element):
-            style = style | {"title": _title(element)}
+        if _tag(element) == "g" and (title := _title(element) or element.get(_LABEL, "").strip()):
+            style = style | {"title": title, "group": f"group {id(element)}"}
         for child in element:
             if _tag(child) == "svg":
                 raise ConfigError("the drawing has another <svg> in it; ungroup it in the drawing")
