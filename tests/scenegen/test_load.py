@@ -118,9 +118,7 @@ def test_errors_in_json_and_toml_name_line_and_key_where_known(write_scenario):
 def test_an_unknown_preset_or_file_is_an_error_with_a_suggestion(write_scenario):
     with pytest.raises(ConfigError, match="no scenario file or preset 'sonata2020'; did you mean 'sonata-2020'"):
         load_scenario("sonata2020")
-    with pytest.raises(
-        ConfigError, match=r"presets are being-overtaken, .*, empty, .*, sonata-2020, sonata-2020-crowded"
-    ):
+    with pytest.raises(ConfigError, match=r"presets are accompanying, .*, empty, .*, sonata-2020, sonata-2020-crowded"):
         load_scenario("xyz")
     path = write_scenario("tables: 1\n")
     with pytest.raises(ConfigError, match=r"did you mean '.*office\.yaml'"):
