@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
-from .bounds import ADDITIVE
+from .bounds import ADDITIVE, MAX_MAGNITUDE
 
 Holder = Literal["people", "objects", "areas", "episode"]
 AttributeType = Literal["classes", "yes_no", "number", "text"]
 AttributeValue = bool | float | str
 Attributes = dict[str, AttributeValue]  # values by name
 
+_SURROGATE = re.compile("[\ud800-\udfff]")
 HOLDERS: tuple[Holder, ...] = get_args(Holder)
 
 
@@ -46,8 +48,12 @@ class AttributeSpec:
         if self.type == "yes_no":
             return None if isinstance(value, bool) else "must be true or false"
         if self.type == "number":
-            return None if is_number else "must be a number"
-        return None if isinstance(value, str) else "must be a text"
+            if not is_number:
+                return "must be a number"
+            return None if abs(value) <= MAX_MAGNITUDE else f"must have a magnitude of at most {MAX_MAGNITUDE:g}"
+        if not isinstance(value, str):
+            return "must be a text"
+        return "must be a text that UTF-8 can encode" if _SURROGATE.search(value) else None
 
 
 def attribute_text(attributes: Attributes | None) -> str:

@@ -187,7 +187,8 @@ def _narrow_hallway(encounter: Encounter) -> Verdict:
     """A person comes towards the robot; whether they pass each other does not matter."""
     trajectory = encounter.trajectory
     walls = Barriers.of((wall.start, wall.end, 0.0) for wall in trajectory.scene.straight_walls.values())
-    for k, human in enumerate(trajectory.scene.humans):
+    humans = trajectory.scene.humans if len(walls) > 1 else ()
+    for k, human in enumerate(humans):
         near = np.flatnonzero(trajectory.human_clearance[:, k] < _MEETING_CLEARANCE)
         if not len(near):
             continue

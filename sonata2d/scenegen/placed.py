@@ -230,6 +230,13 @@ def _create_human(spec: PersonSpec, id: int, defaults: PersonConfig, dt: float, 
         value = getattr(spec, key)
         if value is not None:
             properties[key] = quantised(value.draw(rng) if isinstance(value, Range) else value)
+    if kind.length is not None:  # the ends of its outline are half discs
+        if None not in (spec.radius, spec.breadth) and properties["breadth"] != quantised(2 * properties["radius"]):
+            raise SceneError(f"the breadth of a {kind.name} is twice its radius; give one of them for person {id}")
+        if spec.radius is not None:
+            properties["breadth"] = quantised(2 * properties["radius"])
+        properties["radius"] = quantised(properties["breadth"] / 2)
+        properties["length"] = max(properties["length"], properties["breadth"])
     reacts = spec.reacts_to_robot
     if reacts is None:
         # a recorded pedestrian follows its track whatever the robot does

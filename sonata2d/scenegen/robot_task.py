@@ -7,7 +7,7 @@ from dataclasses import asdict
 import numpy as np
 
 from ..core.entities import Goal, Limits, OtherRobot, Robot
-from ..core.geometry import Barriers, Disc, Pose, Shape, inside_polygon, quantised
+from ..core.geometry import Barriers, Disc, Point, Pose, Shape, inside_polygon, inside_rings, quantised
 from ..core.navigation import FreeSpace
 from ..core.outlines import shape_gap
 from ..core.portable_math import PI
@@ -153,6 +153,8 @@ def _check_given(config: ScenarioConfig, layout: Layout, space: FreeSpace, robot
     positions = {name: Pose(*place).rounded().position for name, place in places if place is not None}
     for name, (x, y) in positions.items():
         point = np.array([(x, y)], dtype=float)
+        if (area := _closed_area(config, (x, y))) is not None:
+            raise SceneError(f"{robot}'s {name} ({x:g}, {y:g}) is in the no-go area {area!r}; move it")
         if not space.is_free(point)[0]:
             inside = inside_polygon(point, space.outline)[0]
             reason = "inside or too close to a wall, furniture or a standing person" if inside else "outside the room"
@@ -165,7 +167,8 @@ def _check_given(config: ScenarioConfig, layout: Layout, space: FreeSpace, robot
         (x, y), (u, v) = positions["start"], positions["goal"]
         raise SceneError(
             f"there is no path for {robot} from its start ({x:g}, {y:g}) to its goal ({u:g}, {v:g}); move one of "
-            "them, or give the robot a smaller body"
+            f"them, {'make the no-go areas smaller, ' if any(a.no_go for a in config.areas) else ''}or give the robot "
+            "a smaller body"
         )
 
 
@@ -185,8 +188,16 @@ def _is_feasible(
         config, layout, paths, Disc(config.robot.outline.inradius), goal, 0.0
     ):
         return False
+    if any(_closed_area(config, place.position) is not None for place in (start, goal)):
+        return False
     is_free = space.is_free_at(start.position) and space.is_free_at(goal.position)
     return is_free and space.path(start.position, goal.position) is not None
+
+
+def _closed_area(config: ScenarioConfig, point: Point) -> str | None:
+    """Name of the no-go area that a point is in; its edges are barriers, but may coincide with those of the room."""
+    place = np.array([point], dtype=float)
+    return next((a.name for a in config.areas if a.no_go and inside_rings(place, a.corners, ())[0]), None)
 
 
 def _is_in_the_way(config: ScenarioConfig, paths: Barriers, start: Pose) -> bool:

@@ -19,7 +19,7 @@ from sonata2d.core.outlines import shape_gap
 from sonata2d.core.person_kinds import BUILT_IN
 from sonata2d.core.relations import ACTIVITIES
 from sonata2d.datasets.check.verification import verify
-from sonata2d.errors import ConfigError
+from sonata2d.errors import ConfigError, SceneError
 from sonata2d.gym.env import SocialNavEnv
 from sonata2d.registry import PERSON_KINDS, person_kind
 from sonata2d.sim.world import World
@@ -255,3 +255,15 @@ def test_each_kind_has_a_picture_of_its_own() -> None:
         person = {"kind": kind.name, "x": 0, "y": 0, "radius": 0.2, "breadth": 0.4}
         pictures.append(picture(snapshot_of(scene_of(people=[person], robot={"pose": [5, 4, 0]})), size=(300, 250)))
     assert len({pygame.image.tobytes(image, "RGB") for image in pictures}) == len(BUILT_IN)
+
+
+def test_given_sizes_of_people_on_wheels_agree_with_each_other() -> None:
+    sizes = ({"breadth": 0.8}, {"radius": 0.2}, {"radius": 0.7})
+    people = [{"kind": "wheelchair", "x": 3 * k - 3, "y": 0} | size for k, size in enumerate(sizes)]
+    broad, slim, huge = scene_of(people=people, robot={"pose": [5, 4, 0]}).humans
+    assert (broad.radius, broad.breadth) == (0.4, 0.8)
+    assert (slim.radius, slim.breadth) == (0.2, 0.4)
+    assert huge.length >= huge.breadth == 1.4
+    both = [{"kind": "wheelchair", "x": 0, "y": 0, "breadth": 0.8, "radius": 0.2}]
+    with pytest.raises(SceneError, match="the breadth of a wheelchair is twice its radius; give one of them"):
+        scene_of(people=both)

@@ -36,6 +36,18 @@ WARD: dict[str, Any] = {
 }  # fmt: skip
 
 
+HALL: dict[str, Any] = {
+    "standing": 0, "wandering": 0, "tables": 0, "plants": 0, "relations": 0, "robot": {"pose": [-5, 0, 0]},
+    "goal": {"position": [5, 0]}, "room": {"polygon": [[-6, -4], [6, -4], [6, 4], [-6, 4]]},
+}  # fmt: skip
+
+
+def run(config: s2.ScenarioConfig) -> s2.EpisodeRecord:
+    recorder = s2.EpisodeRecorder()
+    s2.Episode(s2.generate(config, 1), s2.StraightToGoal(), observers=[recorder]).run()
+    return recorder.record()
+
+
 @cache
 def record_of(seed: int) -> s2.EpisodeRecord:
     recorder = s2.EpisodeRecorder()
@@ -136,3 +148,58 @@ def test_lists_in_words() -> None:
     assert listed(["a"]) == "a"
     assert persons([3]) == "person 3"
     assert persons([3, 4, 5]) == "persons 3, 4 and 5"
+
+
+def test_what_an_import_lacks_is_neither_told_nor_asked(tmp_path: Path) -> None:
+    recorder = s2.JsonRecorder(tmp_path / "a.json")
+    scene = s2.generate(s2.ScenarioConfig(**(HALL | {"wandering": 3, "talking_pairs": 1})), 1)
+    s2.Episode(scene, s2.SocialPlanner(), observers=[recorder]).run()
+    [sonata] = export_to(tmp_path / "a.json", "sonata", tmp_path / "out").files
+    [path] = import_from(sonata, "sonata", tmp_path / "in").files
+    record = s2.read_episode(path)
+    assert {"outcome", "frames.contacts", "robot.radius"} <= set(record.document["imported"]["lacks"])
+    kinds = {q.kind for q in ask(record, 200)}
+    assert {"nearest-person", "side"} <= kinds
+    assert {"reaches-goal", "arrival", "touches", "between"}.isdisjoint(kinds)
+    assert story(record)[-1].startswith("The recording ends after")
+    assert "radius" not in situation(record.snapshot(0))
+
+
+def test_a_contact_that_ends_an_episode_is_told() -> None:
+    people = [{"x": 3, "y": 0, "behaviour": "walking", "goals": [[-5.5, 0]], "reacts_to_robot": 0}]
+    rules = {"guard": False, "ends_on": ["goal", "time", "contact"], "time_limit": 20}
+    record = run(s2.ScenarioConfig(**HALL, people=people, rules=rules))
+    assert record.outcome.status == "contact"
+    assert any("it touches person 1" in sentence for sentence in story(record))
+
+
+def test_seconds_on_the_edge_between_two_tenths_are_not_asked() -> None:
+    config = s2.ScenarioConfig(**(HALL | {"goal": {"position": [-1.89, 0]}}), rules={"dt": 0.05})
+    record = run(config)
+    assert record.outcome.status == "goal"
+    assert round(record.outcome.time * 100) % 10 == 5
+    questions = ask(record, 40)
+    assert questions
+    for q in questions:
+        assert recompute(record.document, q.kind, q.tick, q.ids, q.value) == q.answer
+    assert "arrival" not in {q.kind for q in questions}
+
+
+def test_names_and_values_of_attributes_are_told_apart() -> None:
+    people = [{"x": 1, "y": 1, "attributes": {"mood=x": "low", "stress": "high", "age": 67170}}]
+    declared = {"people": {"mood=x": ["low", "high"], "stress": ["low", "high"], "age": "number"}}
+    record = run(s2.ScenarioConfig(**HALL, people=people, attributes=declared, rules={"time_limit": 2}))
+    assert "mood=x low, stress high, age 67170" in situation(record.snapshot(0))
+    questions = ask(record, 200)
+    assert {"attribute", "who-has"} <= {q.kind for q in questions}
+    for q in questions:
+        assert recompute(record.document, q.kind, q.tick, q.ids, q.value) == q.answer
+
+
+def test_numbers_in_an_answer_are_in_the_text_of_the_question() -> None:
+    for seed in range(4):
+        record = record_of(seed)
+        for line in map(json.loads, export(record, Options(questions=60)).splitlines()):
+            text, answer = line["messages"][1]["content"], line["messages"][2]["content"]
+            if line["meta"]["kind"] in ("closest-approach", "arrival", "attribute"):
+                assert answer in text or answer in ("yes", "no"), (text, answer)

@@ -12,7 +12,7 @@ import pytest
 import sonata2d as s2
 from sonata2d.core.geometry import inside_rings
 from sonata2d.datasets import mirror_file, verify
-from sonata2d.errors import SceneError
+from sonata2d.errors import ConfigError, SceneError
 from sonata2d.gym import SocialNavEnv
 from sonata2d.gym.parts import AreaRules
 from sonata2d.metrics import Trajectory
@@ -148,3 +148,23 @@ def test_pictures_show_the_rules() -> None:
         for rule in rules
     ]
     assert len(set(images)) == 4
+
+
+def test_no_robot_starts_or_ends_in_a_no_go_area_whose_edges_are_those_of_the_room() -> None:
+    half = [[-6, -4], [0, -4], [0, 4], [-6, 4]]
+    drawn = {"robot": {}, "goal": {}, "areas": [{"name": "left", "polygon": half, "no_go": True}]}
+    config = s2.ScenarioConfig(**(HALL | drawn))
+    for episode in range(20):
+        scene = s2.generate(config, 1, episode)
+        assert min(scene.robot.pose.x, scene.goal.x) > 0.0
+    whole = {"name": "all", "polygon": [[-6, -4], [6, -4], [6, 4], [-6, 4]], "no_go": True}
+    with pytest.raises(SceneError, match=r"the robot's start \(-5, 0\) is in the no-go area 'all'; move it"):
+        scene_of(whole)
+    band = {"name": "band", "polygon": BAND, "no_go": True}
+    with pytest.raises(SceneError, match="move one of them, make the no-go areas smaller, or give"):
+        scene_of(band)
+
+
+def test_a_speed_limit_that_files_cannot_hold_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"speed_limit.*0\.01"):
+        scene_of({"name": "ward", "polygon": BAND, "speed_limit": 1e-9})

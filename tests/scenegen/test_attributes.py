@@ -25,7 +25,7 @@ DECLARED: dict[str, Any] = {
     "people": {"emotion": {"calm": 3, "happy": 1, "angry": 1}, "hurried": 0.2, "age": [20, 90], "name": "text"},
     "objects": {"fragile": "bool", "load": ["empty", "full"]},
     "areas": {"quiet": "bool"},
-    "episode": {"urgency": ["low", "high"], "limit": {"type": "number"}},
+    "episode": {"urgency": ["low", "high"], "limit": {"type": "number", "value": 4}},
 }
 WARD: dict[str, Any] = {
     "name": "ward", "wandering": 3, "standing": 2, "tables": 2, "plants": 1, "relations": 0,
@@ -61,6 +61,8 @@ def test_given_values_are_kept_and_others_are_drawn_by_weight() -> None:
     assert all(20.0 <= float(values["age"]) <= 90.0 for values in drawn)
     assert all("name" not in values for values in drawn)
     assert {scene.attributes_of()["urgency"] for scene in scenes} == {"low", "high"}
+    assert {scene.attributes_of()["limit"] for scene in scenes} == {4.0}
+    assert all("fragile" not in (piece.attributes or {}) for piece in first.furniture if piece.id != given.id)
     assert first.attributes_of(first.humans[0].id) == first.humans[0].attributes
     with pytest.raises(KeyError, match="there is no person or object 999"):
         first.attributes_of(999)
@@ -114,6 +116,13 @@ def test_a_file_with_other_values_than_declared_is_refused(tmp_path: Path, chang
         ({"people": {"hurried": True}}, "an attribute is a type, or the values that it is drawn from"),
         ({"peple": {}}, "did you mean 'people'"),
         ({"people": {"age": {"type": "number", "share": 0.5}}}, "only an attribute of type yes_no has share"),
+        (
+            {"people": {"hurried": [False, True]}},
+            r'names that YAML reads as true or false need quotes: \["yes", "no"\]',
+        ),
+        ({"episode": {"robot_carries": "text"}}, "the attribute has no value in any episode; give value, or what"),
+        ({"episode": {"limit": {"type": "number", "value": "x"}}}, "must be a number"),
+        ({"people": {"age": {"type": "number", "value": 3}}}, "a value in a declaration is of the episode"),
     ],
 )
 def test_a_declaration_that_makes_no_sense_is_refused(declared: Any, problem: str) -> None:
@@ -129,6 +138,9 @@ def test_a_declaration_that_makes_no_sense_is_refused(declared: Any, problem: st
         ({"hurried": "yes"}, "must be true or false"),
         ({"age": True}, "must be a number"),
         ({"name": 3}, "must be a text"),
+        ({"name": "\ud800"}, "must be a text that UTF-8 can encode"),
+        ({"age": float("nan")}, "must have a magnitude of at most 1e"),
+        ({"age": 1e300}, "must have a magnitude of at most 1e"),
         ({"name": ["Ann"]}, "a value is true, false, a number or a text"),
     ],
 )

@@ -115,6 +115,11 @@ def test_every_relation_has_settings_of_its_own() -> None:
             [{"x": k, "y": 0, "group": 1, "relation": name} for k, name in enumerate(("arguing", "caring_for"))],
             "group 1 has two relations",
         ),
+        ([{"x": 0, "y": 0, "group": 1, "relation": "arguing"}], "group 1 has one member, and a relation two or more"),
+        (
+            [{"x": k, "y": 0, "group": 1, "relation": "caring_for"} for k in range(3)],
+            "caring_for is a relation of two people; group 1 has 3",
+        ),
     ],
 )
 def test_a_relation_that_does_not_fit_the_group_is_refused(people: Any, problem: str) -> None:

@@ -18,7 +18,7 @@ from ...record.record import EpisodeRecord
 from ..format import Format, Options, require_robot
 from .questions import Question, ask
 from .recompute import recompute
-from .words import instruction, situation, story
+from .words import instruction, path_words, situation, story
 
 NAME = "chat"
 QUESTIONS = 20  # of an episode, by default, the description included
@@ -38,7 +38,9 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
         raise UnsuitableEpisode(record.path, "the episode has no frame to ask about", "leave out such episodes")
     count = QUESTIONS if options.questions is None else options.questions
     task = instruction(record.scene())
-    lines = [_line(record, 0, f"Task of the robot: {task.text} Describe what happens.", " ".join(story(record)), {
+    start = f"At the start: {situation(record.snapshot(0))}"
+    asked = f"Task of the robot: {task.text} {start} {path_words(record)} Describe what happens."
+    lines = [_line(record, 0, asked, " ".join(story(record)), {
         "kind": "description", "instruction": task.text, "slots": task.slots
     }, None, options)] if count else []  # fmt: skip
     for k, question in enumerate(ask(record, count - 1) if count > 1 else [], 1):

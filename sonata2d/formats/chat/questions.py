@@ -5,21 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from zlib import crc32
 
 import numpy as np
 
 from ...core.arguments import whole_number
-from ...core.attributes import AttributeValue
+from ...core.entities import Human
 from ...core.portable_math import Array
 from ...core.relations import ACTIVITIES, ACTIVITY, RELATION
 from ...core.rng import RandomStream
 from ...record.record import EpisodeRecord
-from .words import PASSES, listed, name_of, persons
+from .words import listed, name_of, persons, story, value_word
 
 _MARGIN, _SPEED_MARGIN = 0.15, 0.1  # m and m/s, by which an answer must be clear
 _ATTEMPTS = 60  # for each question that is asked for
-_SLOW = 0.1  # m/s
 _BESIDE = 1.0  # m, of a robot from people that it could be between
 
 
@@ -33,7 +33,7 @@ class Question:
         answer: to it.
         tick: of the moment in question; None: the whole episode.
         ids: of the people and objects that are named, in the order of the text.
-        value: further parameter of the question, such as a distance, m, or a type of object.
+        value: further parameter of the question: a distance, m, a type of object, or name and value of an attribute.
     """
 
     kind: str
@@ -41,7 +41,7 @@ class Question:
     answer: str
     tick: int | None = None
     ids: tuple[int, ...] = ()
-    value: float | str | None = None
+    value: float | str | tuple[str, str] | None = None
 
 
 class _Episode:
@@ -50,10 +50,24 @@ class _Episode:
     def __init__(self, record: EpisodeRecord, rng: RandomStream) -> None:
         self.record, self.scene, self.rng = record, record.scene(), rng
         self.states, self.ids = record.states, record.scene().human_table.id
+        self.lacks = set(record.document.get("imported", {}).get("lacks", ()))
         self.robot, self.humans = self.states.robot, self.states.humans
         self.distance: Array = np.hypot(
             self.humans[..., 0] - self.robot[:, None, 0], self.humans[..., 1] - self.robot[:, None, 1]
         )
+
+    @cached_property
+    def at_start(self) -> list[Human]:
+        """The people who are present at the start."""
+        return [self.scene.humans[k] for k in np.flatnonzero(self.states.present[0]).tolist()]
+
+    @cached_property
+    def _story(self) -> list[str]:
+        return story(self.record)
+
+    def sentences_on(self, id: int) -> str:
+        """The sentences of the story that name a person with a distance."""
+        return " ".join(s for s in self._story if f"person {id}," in s or f"person {id} passes" in s)
 
     def moment(self) -> tuple[int, str]:
         """A random tick, and its time in words."""
@@ -190,7 +204,7 @@ def _closest_approach(e: _Episode) -> Question | None:
     if k is None or not np.isfinite(e.distance[:, k]).any():
         return None
     least = float(np.nanmin(e.distance[:, k]))
-    if abs(least * 10.0 % 1.0 - 0.5) < 0.05 or least >= PASSES:  # rounding would decide; or no sentence names it
+    if not _is_clear(least, 0.005) or f"{least:.1f} m from centre to centre" not in e.sentences_on(int(e.ids[k])):
         return None
     text = f"How near does the robot come to person {e.ids[k]}, from centre to centre?"
     return Question("closest-approach", text, f"{least:.1f} m", None, (int(e.ids[k]),))
@@ -201,7 +215,7 @@ def _comes_nearer(e: _Episode) -> Question | None:
     if a is None or b is None or a == b or not np.isfinite(e.distance[:, [a, b]]).any(axis=0).all():
         return None
     first, second = (float(np.nanmin(e.distance[:, k])) for k in (a, b))
-    if abs(first - second) < _MARGIN or max(first, second) >= PASSES:
+    if abs(first - second) < _MARGIN or not all(e.sentences_on(int(e.ids[k])) for k in (a, b)):
         return None
     ids = int(e.ids[a]), int(e.ids[b])
     text = f"To whom does the robot come nearer, to person {ids[0]} or to person {ids[1]}?"
@@ -220,13 +234,15 @@ def _between(e: _Episode) -> Question | None:
     a, b, p = e.humans[tick, row[src], :2], e.humans[tick, row[dst], :2], e.robot[tick, :2]
     t = float((p - a) @ (b - a)) / max(float((b - a) @ (b - a)), 1e-9)
     gap = float(np.hypot(*(a + min(max(t, 0.0), 1.0) * (b - a) - p))) - e.scene.robot.radius
-    if abs(gap) < 0.05 or gap > _BESIDE:
+    if "robot.radius" in e.lacks or abs(gap) < 0.05 or gap > _BESIDE:
         return None
     text = f"Is the robot on the line between persons {src} and {dst} {when}?"
     return Question("between", text, _yes(gap < 0.0), tick, (src, dst))
 
 
 def _reaches_goal(e: _Episode) -> Question | None:
+    if e.lacks & {"goal", "outcome"}:
+        return None
     return Question(
         "reaches-goal", "Does the robot reach its goal?", _yes(e.record.document["outcome"]["status"] == "goal")
     )
@@ -234,24 +250,17 @@ def _reaches_goal(e: _Episode) -> Question | None:
 
 def _arrival(e: _Episode) -> Question | None:
     outcome = e.record.document["outcome"]
-    if outcome["status"] != "goal":
+    if e.lacks & {"goal", "outcome"} or outcome["status"] != "goal" or not _is_clear(outcome["time"], 1e-6):
         return None
     return Question("arrival", "After how many seconds does the robot reach its goal?", f"{outcome['time']:.1f} s")
 
 
 def _touches(e: _Episode) -> Question | None:
+    if "frames.contacts" in e.lacks:
+        return None
     states = [*e.record.document["frames"], e.record.document["final"]]
     touched = any(contact["kind"] == "human" for state in states for contact in state["contacts"])
     return Question("touches", "Does the robot touch a person?", _yes(touched))
-
-
-def _slow_time(e: _Episode) -> Question | None:
-    speed = np.hypot(e.robot[: len(e.record), 3], e.robot[: len(e.record), 4])
-    if np.abs(speed - _SLOW).min() < 1e-4:
-        return None
-    seconds = int((speed < _SLOW).sum()) * e.scene.rules.dt
-    text = f"For how many seconds is the robot slower than {_SLOW:g} m/s?"
-    return Question("slow-time", text, f"{seconds:.1f} s", value=_SLOW)
 
 
 def _object_count(e: _Episode) -> Question | None:
@@ -265,40 +274,38 @@ def _object_count(e: _Episode) -> Question | None:
 
 
 def _kind_count(e: _Episode) -> Question | None:
-    kinds = sorted({human.kind for human in e.scene.humans})
+    kinds = sorted({human.kind for human in e.at_start})
     if len(kinds) < 2:
         return None
     kind = e.rng.choice(kinds)
-    number = sum(human.kind == kind for human in e.scene.humans)
-    text = f"How many people of the kind {kind.replace('_', ' ')} take part in the episode?"
-    return Question("kind-count", text, str(number), value=kind)
+    number = sum(human.kind == kind for human in e.at_start)
+    text = f"How many people of the kind {kind.replace('_', ' ')} are in the room at the start?"
+    return Question("kind-count", text, str(number), 0, value=kind)
 
 
 def _attribute(e: _Episode) -> Question | None:
-    holders = [(h.id, h.attributes) for h in e.scene.humans] + [(f.id, f.attributes) for f in e.scene.furniture]
+    holders = [(h.id, h.attributes) for h in e.at_start] + [(f.id, f.attributes) for f in e.scene.furniture]
     given = [(id, name) for id, values in holders for name in values or {}]
     if not given:
         return None
     id, name = e.rng.choice(given)
     text = f"Which value has the attribute {name.replace('_', ' ')!r} of {name_of(e.scene, id)}?"
-    return Question("attribute", text, attribute_answer(e.scene.attributes_of(id)[name]), None, (id,), name)
+    return Question("attribute", text, value_word(e.scene.attributes_of(id)[name]), None, (id,), name)
 
 
 def _who_has(e: _Episode) -> Question | None:
-    given = [
-        (name, v) for human in e.scene.humans for name, v in (human.attributes or {}).items() if isinstance(v, str)
-    ]
+    given = [(name, v) for human in e.at_start for name, v in (human.attributes or {}).items() if isinstance(v, str)]
     if not given:
         return None
     name, value = e.rng.choice(given)
-    ids = [human.id for human in e.scene.humans if (human.attributes or {}).get(name) == value]
-    text = f"Of which people is the attribute {name.replace('_', ' ')!r} {value!r}?"
-    return Question("who-has", text, listed([f"person {id}" for id in ids]), value=f"{name}={value}")
+    ids = [human.id for human in e.at_start if (human.attributes or {}).get(name) == value]
+    text = f"Of which people in the room at the start is the attribute {name.replace('_', ' ')!r} {value!r}?"
+    return Question("who-has", text, listed([f"person {id}" for id in ids]), 0, value=(name, value))
 
 
-def attribute_answer(value: AttributeValue) -> str:
-    """The value of an attribute as an answer."""
-    return _yes(value) if isinstance(value, bool) else value if isinstance(value, str) else f"{value:.4g}"
+def _is_clear(value: float, margin: float) -> bool:
+    """Whether a number is farther than a margin from those that are rounded to other tenths."""
+    return abs(value * 10.0 % 1.0 - 0.5) > 10.0 * margin
 
 
 QUESTIONS: dict[str, Callable[[_Episode], Question | None]] = {
@@ -318,7 +325,6 @@ QUESTIONS: dict[str, Callable[[_Episode], Question | None]] = {
     "reaches-goal": _reaches_goal,
     "arrival": _arrival,
     "touches": _touches,
-    "slow-time": _slow_time,
     "object-count": _object_count,
     "kind-count": _kind_count,
     "attribute": _attribute,

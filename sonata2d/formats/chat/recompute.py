@@ -84,22 +84,21 @@ def recompute(document: JsonDict, kind: str, tick: int | None, ids: tuple[int, .
             return f"{document['outcome']['tick'] * document['rules']['dt']:.1f} s"
         case "touches":
             return yes(any(contact["kind"] == "human" for state in states for contact in state["contacts"]))
-        case "slow-time":
-            slow = [s for s in document["frames"] if s["robot"][_VX] ** 2 + s["robot"][_VY] ** 2 < value * value]
-            return f"{len(slow) * document['rules']['dt']:.1f} s"
         case "object-count":
             return str(len([thing for thing in document["objects"] if thing["type"] == value]))
         case "kind-count":
-            return str([human.get("kind", "adult") for human in document["humans"]].count(value))
+            here = [human for human, row in zip(document["humans"], rows, strict=True) if row is not None]
+            return str([human.get("kind", "adult") for human in here].count(value))
         case "attribute":
             holders = {each["id"]: each for each in (*document["humans"], *document["objects"])}
             given = holders[ids[0]]["attributes"][value]
-            return (
-                yes(given) if given is True or given is False else given if isinstance(given, str) else f"{given:.4g}"
-            )
+            if isinstance(given, str):
+                return given
+            return yes(given) if given is True or given is False else str(round(given, 2)).removesuffix(".0")
         case "who-has":
-            name, _, wanted = str(value).partition("=")
-            found = [f"person {h['id']}" for h in document["humans"] if (h.get("attributes") or {}).get(name) == wanted]
+            name, wanted = value
+            here = [human for human, row in zip(document["humans"], rows, strict=True) if row is not None]
+            found = [f"person {h['id']}" for h in here if (h.get("attributes") or {}).get(name) == wanted]
             return found[0] if len(found) == 1 else f"{', '.join(found[:-1])} and {found[-1]}"
     raise ValueError(f"there is no question of the kind {kind!r}")
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.attributes import attribute_text
-from ...core.entities import DEFAULT_KIND, Interaction
+from ...core.attributes import Attributes, AttributeValue
+from ...core.entities import DEFAULT_KIND, Area, Interaction
+from ...core.portable_math import unit_vector
 from ...core.relations import ACTIVITY, RELATION
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
@@ -18,6 +19,7 @@ from ...record.record import EpisodeRecord
 
 _NEAR_GOAL = 1.5  # m, of an object or a person by which the goal is described
 _NOTHING = ("", "none", "nothing")  # values of the attribute robot_carries
+_MOST_MOMENTS = 60  # of a path in words
 _STANDS, _STOP = 0.05, 1.0  # m/s, and s, of a stop that is worth a sentence
 PASSES = 2.5  # m, between the centres, of a meeting that is worth a sentence
 
@@ -53,7 +55,7 @@ class Instruction:
     Attributes:
         text: one or several sentences.
         slots: ids of the people and objects that it names, and names of areas, by role: `destination`, `undisturbed`,
-            `fragile`, `no_go`, `slow`.
+            `fragile`, `no_go`, `slow`, `one_way`.
     """
 
     text: str
@@ -85,13 +87,16 @@ def instruction(scene: Scene) -> Instruction:
     slots: dict[str, list[int | str]] = {}
     goal = np.array(scene.goal.position)
     near = [(float(np.hypot(*(np.array(f.pose.position) - goal))), f.id) for f in scene.furniture if f.on is None]
+    engaged = {i.src for i in scene.interactions} | {i.dst for i in scene.interactions}  # not to be disturbed
     near += [
         (float(np.hypot(*(np.array(human.pose.position) - goal))), human.id)
         for human in scene.humans
-        if human.behaviour == "standing" and human.is_always_present
+        if human.behaviour == "standing" and human.is_always_present and human.id not in engaged
     ]
     distance, id = min(near, default=(math.inf, 0))
-    if distance < _NEAR_GOAL:
+    if "goal" in scene.unmeasured:
+        parts = ["Drive among the people, to a goal that was not recorded"]
+    elif distance < _NEAR_GOAL:
         slots["destination"] = [id]
         parts = [f"Go to {name_of(scene, id)}"]
     else:
@@ -120,41 +125,90 @@ def instruction(scene: Scene) -> Instruction:
         if area.speed_limit is not None:
             slots.setdefault("slow", []).append(area.name)
             parts.append(f"drive at {area.speed_limit:g} m/s at most in the {area.name}")
-    text = f"{parts[0]}." if len(parts) == 1 else f"{parts[0]}; {listed(parts[1:])}."
-    return Instruction(text, slots)
+        if area.one_way is not None:
+            slots.setdefault("one_way", []).append(area.name)
+            parts.append(f"keep to the direction of the {area.name}")
+    return Instruction(f"{'; '.join(parts)}.", slots)
 
 
 def situation(snapshot: Snapshot) -> str:
-    """Where everything is at a moment, in the robot's frame: x ahead and y left, m, one decimal."""
+    """Where everything is at a moment, in the robot's frame: x ahead and y left, m and m/s, one and two decimals."""
     scene, robot = snapshot.scene, snapshot.robot
     lines = [
-        f"Time {snapshot.time:.1f} s. Positions are (x ahead, y left) of the robot in m. The robot has a radius of "
-        f"{scene.robot.radius:.2f} m and drives at {math.hypot(*robot.velocity):.2f} m/s. "
-        f"Its goal is at {_place(robot.pose.to_local(snapshot.goal.position))}."
+        f"Time {snapshot.time:.1f} s. Positions and velocities are (x ahead, y left) of the robot in m and m/s. "
+        f"The robot drives at {math.hypot(*robot.velocity):.2f} m/s."
     ]
+    if "goal" not in scene.unmeasured:
+        lines.append(f"Its goal is at {_place(robot.pose.to_local(snapshot.goal.position))}.")
     partner: dict[int, list[str]] = {}
     for i in snapshot.interactions:
         partner.setdefault(i.src, []).append(f"{_VERBS[i.relation][0]} {name_of(scene, i.dst)}")
-    given = {human.id: attribute_text(human.attributes) for human in scene.humans}
+    given = {human.id: attribute_words(human.attributes) for human in scene.humans}
+    c, s = robot.direction
     for human in snapshot.humans:
         facts = [ACTIVITY[human.activity].text, *partner.get(human.id, [])]
-        facts += [f"at {math.hypot(*human.velocity):.2f} m/s"] if math.hypot(*human.velocity) > _STANDS else []
+        vx, vy = human.velocity
+        moves = math.hypot(vx, vy) > _STANDS
+        facts += [f"at {math.hypot(vx, vy):.2f} m/s, ({vx * c + vy * s:.2f}, {vy * c - vx * s:.2f})"] if moves else []
         facts += [human.kind.replace("_", " ")] if human.kind != DEFAULT_KIND else []
         facts += [given[human.id]] if given[human.id] else []
         place = _place(robot.pose.to_local(human.pose.position))
         lines.append(f"Person {human.id} is at {place}: {', '.join(facts)}.")
     for piece in scene.furniture:
-        extra = f": {attribute_text(piece.attributes)}" if attribute_text(piece.attributes) else ""
+        extra = f": {attribute_words(piece.attributes)}" if piece.attributes else ""
         name = name_of(scene, piece.id)
         lines.append(f"{name[0].upper()}{name[1:]} is at {_place(robot.pose.to_local(piece.pose.position))}{extra}.")
+    for area in scene.areas:
+        corners = ", ".join(_place(robot.pose.to_local(corner)) for corner in area.polygon)
+        facts = [f"in it robots move along ({c1:.2f}, {s1:.2f})" for c1, s1 in _direction_in(area, robot.pose.theta)]
+        facts += [attribute_words(area.attributes)] if area.attributes else []
+        lines.append(f"The {area.name} has the corners {corners}{''.join(f'; {fact}' for fact in facts)}.")
     return " ".join(lines)
+
+
+def _direction_in(area: Area, heading: float) -> list[tuple[float, float]]:
+    """The direction of a one-way area in the frame of a robot; empty: it has none."""
+    return [] if area.one_way is None else [unit_vector(area.one_way - heading)]
+
+
+def attribute_words(attributes: Attributes | None) -> str:
+    """Names and values of attributes.
+
+    >>> attribute_words({"mood": "low", "hurried": True, "age": 71.0})
+    'mood low, hurried yes, age 71'
+    """
+    return ", ".join(f"{name.replace('_', ' ')} {value_word(value)}" for name, value in (attributes or {}).items())
+
+
+def value_word(value: AttributeValue) -> str:
+    """The value of an attribute: a text, yes, no, or a number with two decimals at most."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return value if isinstance(value, str) else f"{value:.2f}".rstrip("0").rstrip(".")
+
+
+def path_words(record: EpisodeRecord) -> str:
+    """Positions of the robot and of the people who are present, each second, or less often in a long episode."""
+    states, dt = record.states, record.scene().rules.dt
+    step = max(round(1.0 / dt), math.ceil(len(record) / _MOST_MOMENTS))
+    ids, lines = record.scene().human_table.id.tolist(), []
+    for tick in sorted({*range(0, len(record) + 1, step), len(record)}):
+        people = [
+            f"person {ids[k]} {_place((row[0], row[1]))}"
+            for k, row in enumerate(states.humans[tick].tolist())
+            if states.present[tick, k]
+        ]
+        robot = _place((float(states.robot[tick, 0]), float(states.robot[tick, 1])))
+        lines.append(f"{float(states.time[tick]):.1f} s: {', '.join([f'robot {robot}', *people])}.")
+    return "Positions in the room, (x, y) in m. " + " ".join(lines)
 
 
 def story(record: EpisodeRecord) -> list[str]:
     """Sentences on an episode: the task, who is with whom at the start, meetings, stops, contacts and the end."""
     scene, states = record.scene(), record.states
     dx, dy = np.subtract(scene.goal.position, scene.robot.pose.position).tolist()
-    sentences = [f"The robot starts {math.hypot(dx, dy):.1f} m from its goal."]
+    lacks = set(record.document.get("imported", {}).get("lacks", ()))
+    sentences = [] if "goal" in lacks else [f"The robot starts {math.hypot(dx, dy):.1f} m from its goal."]
     for ids, relation in _groups(scene.interactions):
         single, plural = _VERBS[relation]
         if plural:
@@ -175,7 +229,7 @@ def story(record: EpisodeRecord) -> list[str]:
         if duration >= _STOP and end < len(record):
             events.append((float(states.time[first]), f"it stands for {duration:.1f} s"))
     touched: set[tuple[str, int]] = set()
-    for frame in record.document["frames"]:
+    for frame in [*record.document["frames"], record.document["final"]]:
         for contact in frame["contacts"]:
             key = contact["kind"], contact["id"]
             if key not in touched:
@@ -184,7 +238,9 @@ def story(record: EpisodeRecord) -> list[str]:
                 events.append((float(frame["time"]), f"it touches {what.get(key[0]) or name_of(scene, key[1])}"))
     sentences += [f"At {time:.1f} s {text}." for time, text in sorted(events)]
     outcome = record.document["outcome"]
-    if outcome["status"] == "goal":
+    if lacks & {"goal", "outcome"}:
+        sentences.append(f"The recording ends after {float(states.time[-1] - states.time[0]):.1f} s.")
+    elif outcome["status"] == "goal":
         sentences.append(f"It reaches its goal after {outcome['time']:.1f} s.")
     else:
         sentences.append(f"It has not reached its goal when the episode ends after {outcome['time']:.1f} s.")

@@ -32,14 +32,16 @@ class AttributeConfig(Settings):
         weights: of the classes, by name.
         share: probability that a yes_no attribute is true.
         range: from which a number is drawn.
+        value: of the episode, instead of a distribution.
     """
 
-    _optional = frozenset({"weights", "share", "range"})
+    _optional = frozenset({"weights", "share", "range", "value"})
 
     type: AttributeType
     weights: _Weights | None = None
     share: Fraction | None = None
     range: Range | None = None
+    value: Any = None
 
     @model_validator(mode="before")
     @classmethod
@@ -52,6 +54,8 @@ class AttributeConfig(Settings):
             raise setting_error("an attribute is a type, or the values that it is drawn from")
         if isinstance(value, int | float):
             return {"type": "yes_no", "share": value}
+        if isinstance(value, list | tuple) and any(isinstance(each, bool) for each in value):
+            raise setting_error('names that YAML reads as true or false need quotes: ["yes", "no"]')
         if isinstance(value, list | tuple) and any(isinstance(each, int | float) for each in value):
             return {"type": "number", "range": value}
         return {"type": "classes", "weights": value}
@@ -67,11 +71,14 @@ class AttributeConfig(Settings):
         return self
 
     def draw(self, rng: RandomStream) -> AttributeValue | None:
-        """Draw a value; None for a text, and a number without a range."""
+        """Draw a value, or return the given one; None where nothing says what to draw from."""
+        if self.value is not None:
+            return self.value if isinstance(self.value, bool | str) else float(self.value)
         if self.weights is not None:
             return rng.choice(list(self.weights), list(self.weights.values()))
         if self.type == "yes_no":
-            return rng.uniform() < (self.share or 0.0)
+            is_true = rng.uniform() < (self.share or 0.0)
+            return None if self.share is None else is_true
         return None if self.range is None else quantised(self.range.draw(rng))
 
     def spec(self, of: Holder, name: str) -> AttributeSpec:
@@ -98,6 +105,21 @@ class AttributesConfig(Settings):
     objects: _Declared
     areas: _Declared
     episode: _Declared
+
+    @model_validator(mode="after")
+    def _check_values(self) -> Self:
+        for of in HOLDERS:
+            for name, attribute in getattr(self, of).items():
+                given = [attribute.weights, attribute.share, attribute.range, attribute.value]
+                if of != "episode" and attribute.value is not None:
+                    message = f"a value in a declaration is of the episode; give those of {of} at each of them"
+                    raise setting_error(message, of, name, "value")
+                if of == "episode" and given == [None] * 4:
+                    message = "the attribute has no value in any episode; give value, or what it is drawn from"
+                    raise setting_error(message, of, name)
+                if attribute.value is not None and (problem := attribute.spec(of, name).problem(attribute.value)):
+                    raise setting_error(problem, of, name, "value")
+        return self
 
     @property
     def specs(self) -> tuple[AttributeSpec, ...]:

@@ -13,7 +13,7 @@ from ...core.bounds import Fraction, NotNegative, Number, Positive
 from ...core.entities import Behaviour, Reaction
 from ...core.files.limits import MAX_ID
 from ...core.geometry import Barriers, Point
-from ...core.relations import RELATION
+from ...core.relations import CARING, HANDING_OVER, RELATION
 from ...registry import PERSON_KINDS, did_you_mean
 from .attributes import GivenAttributes
 from .base import BodyRadius, Breadth, Duration, Jitter, Range, Settings, TupleOf, require_registered, within
@@ -185,7 +185,7 @@ def check_people(people: tuple[PersonSpec, ...]) -> tuple[PersonSpec, ...]:
         PydanticCustomError: an id is not unique; a group has standing and moving members; or a wandering member of a
             group enters later or leaves.
     """
-    counts = Counter(person.id for person in people)
+    counts, members = Counter(person.id for person in people), Counter(person.group for person in people)
     group_stands: dict[int, bool] = {}
     relations: dict[int, str] = {}
     for k, person in enumerate(people):
@@ -199,6 +199,11 @@ def check_people(people: tuple[PersonSpec, ...]) -> tuple[PersonSpec, ...]:
         elif person.relation and (RELATION[person.relation].group == "talking") != stands:
             kind = "stand" if not stands else "walk"
             message, key = f"the members of a group that is {person.relation} must {kind}", "relation"
+        elif person.relation and members[person.group] < 2:
+            message, key = f"group {person.group} has one member, and a relation two or more", "relation"
+        elif person.relation in (HANDING_OVER, CARING) and members[person.group] > 2:
+            message = f"{person.relation} is a relation of two people; group {person.group} has {members[person.group]}"
+            key = "relation"
         elif person.relation and relations.setdefault(person.group, person.relation) != person.relation:
             message, key = f"group {person.group} has two relations", "relation"
         elif person.resolved_behaviour == "wandering" and (person.enters > 0.0 or person.leaves is not None):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Annotated, Any, Literal, Self, get_args
 
+from annotated_types import Ge
 from pydantic import (
     AfterValidator,
     BeforeValidator,
@@ -205,7 +206,7 @@ class AreaConfig(Settings):
         share: weight with which drawn pedestrians and furniture are placed in this area; those at fixed furniture and
             at given places are not. Default: anywhere in the room, if no area has a share above 0.
         no_go: whether robots must stay outside.
-        speed_limit: of a robot in the area, m/s.
+        speed_limit: of a robot in the area, m/s; 0.01 or more.
         one_way: rad, world frame: the only direction, up to a right angle, in which a robot may move in the area.
         attributes: values of attributes of areas by name, which `attributes.areas` declares; the others are drawn.
     """
@@ -216,7 +217,7 @@ class AreaConfig(Settings):
     polygon: Corners
     share: NotNegative | None = None
     no_go: bool = False
-    speed_limit: Positive | None = None
+    speed_limit: Annotated[Positive, Ge(0.01)] | None = None
     one_way: Number | None = None
     attributes: GivenAttributes | None = None
 
