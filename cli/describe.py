@@ -209,6 +209,12 @@ def _episode_rows(path: Path) -> Rows:
     other_paths = [info.path for info in record.controller_info.others]
     landmarks = {"doors": scene.doors, "queues": scene.queues, "places of interest": scene.places}
     goal = f"({scene.goal.x:.6g}, {scene.goal.y:.6g}), reached within {scene.goal.distance:g} m"
+    if scene.goal.then:
+        goal += ", then " + ", ".join(f"({x:.6g}, {y:.6g})" for x, y in scene.goal.then)
+    if scene.goal.person is not None:
+        goal = f"{scene.goal.task} person {scene.goal.person}, near within {scene.goal.near:g} m" + (
+            "" if scene.goal.moves else f", at {goal}"
+        )
     rows: Rows = [
         ("episode", record.id),
         ("scenario", scene.family),

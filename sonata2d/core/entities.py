@@ -18,6 +18,7 @@ from .vectors import wrap_angle
 Behaviour = Literal["standing", "wandering", "walking", "recorded"]
 Reaction = Literal["ignores", "avoids", "stops", "curious", "scared"]
 EndsOn = Literal["goal", "time", "contact"]
+RobotTask = Literal["go", "meet", "follow", "accompany", "lead", "wait"]
 Formation = Literal["abreast", "v", "face_to_face", "l", "side_by_side", "circle", "semicircle"]
 
 ROBOT_ID = 0
@@ -412,13 +413,24 @@ class Robot:
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """The robot's goal, a pose in the world frame.
+    """The robot's goal, a pose in the world frame, and its task there.
+
+    Tasks end with the outcome `goal` as follows. `go`: the robot is at the position, and then at each of the further
+    places. `meet`: it is near the person. `follow`, `accompany`: the person is at the end of its way, and the robot is
+    near it. `lead`: the robot is at the position, and the person is near it. `wait`: likewise; the person comes by
+    itself. A `Snapshot` has the goal of its tick: the place that is next, or the one at the person, or beside it to
+    accompany it, to 0.25 m.
 
     Attributes:
-        x, y: position, m.
+        x, y: position, m; of the first place, or of the person at the start.
         theta: heading, rad.
         distance: largest distance of the robot's centre from the position at which the goal counts as reached, m.
-        angle: largest heading error at which the goal counts as reached, rad; 3.1416: any heading.
+        angle: largest heading error at which the goal counts as reached, rad; 3.1416: any heading. Of several places,
+            it holds at the last.
+        task: what the robot does.
+        person: id of the person whom the task is about; None for `go`.
+        near: largest distance between the centres of robot and person at which they are near each other, m.
+        then: further places of the task `go`, in order, m.
     """
 
     x: Number
@@ -426,6 +438,20 @@ class Goal:
     theta: Number = 0.0
     distance: Positive = 0.40
     angle: Positive = 3.1416
+    task: RobotTask = field(default="go", metadata=ADDITIVE)
+    person: Id | None = field(default=None, metadata=ADDITIVE)
+    near: Positive = field(default=1.5, metadata=ADDITIVE)
+    then: tuple[Point, ...] = field(default=(), metadata=ADDITIVE)
+
+    @property
+    def moves(self) -> bool:
+        """Whether the goal is at other places in later ticks."""
+        return bool(self.then) or self.task in ("meet", "follow", "accompany")
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the task is to be at one position."""
+        return self.person is None and not self.then
 
     @property
     def position(self) -> Point:

@@ -126,7 +126,7 @@ class Social:
 
 
 # Properties of a scene that are computed once, of its robots and of its humans.
-_OF_ROBOTS = ("_views", "with_robots_as_people")
+_OF_ROBOTS = ("_views", "with_robots_as_people", "_with_goals")
 _OF_HUMANS = ("human_table", "standing_humans", "parking", "shared_spaces")
 
 Unmeasured = Literal["robot", "goal", "headings", "heads", "seed", "outcome"]
@@ -238,8 +238,22 @@ class Scene(FloatFields, Drawable):
             others = [OtherRobot(self.robot_id, self.robot, self.goal), *(o for o in self.robots if o is not own)]
             others.sort(key=lambda other: other.id)
             values = {"robot": own.robot, "goal": own.goal, "robots": tuple(others), "robot_id": own.id}
-            self._views[robot_id] = self._changed(["with_robots_as_people"], **values)  # the views are shared
+            self._views[robot_id] = self._changed(
+                ["with_robots_as_people", "_with_goals"], **values
+            )  # the views are shared
         return self._views[robot_id]
+
+    def with_goal(self, goal: Goal) -> Scene:
+        """The same scene with another goal of the first robot; the same object for the same goal."""
+        if goal == self.goal:
+            return self
+        if goal not in self._with_goals:
+            self._with_goals[goal] = self._changed(_OF_ROBOTS, goal=goal)
+        return self._with_goals[goal]
+
+    @cached_property
+    def _with_goals(self) -> dict[Goal, Scene]:
+        return {}
 
     @cached_property
     def _views(self) -> dict[int, Scene]:

@@ -96,7 +96,8 @@ class Snapshot(Drawable):
         robot: `pose`, `position`, `direction`, `velocity` (world frame), `twist` (body frame), `radius`, `body.limits`.
         humans: the people present, as arrays over N people: `position`, `velocity`, `direction`, `gaze` (N, 2),
             `theta`, `head`, `omega`, `radius`, `id` (N,); `humans[3]` is one of them.
-        goal, walls, objects: as in the scene.
+        goal: of this tick; of a task with several places or a moving person, not that of the start.
+        walls, objects: as in the scene.
         interactions: current ones between pedestrians and objects that are present.
         contacts: of the robot during the last tick.
         events: of input devices since the last snapshot.

@@ -87,11 +87,10 @@ def tensors(record: EpisodeRecord) -> dict[str, Any]:
     """The arrays of an episode as tensors; see `Dataset.to_torch`."""
     names = ("time", "robot", "humans", "present", "activity", "command", "executed")
     scene = record.scene()
-    goal = scene.goal
     ids = [*(human.id for human in scene.humans), *(piece.id for piece in scene.furniture)]
     index = {id: k for k, id in enumerate(ids)}
     arrays = {
-        "goal": [goal.x, goal.y, goal.theta],
+        "goal": record.goals[0].tolist(),
         "walls": _rows([(*wall.start, *wall.end) for wall in scene.walls], 4),
         "objects": _rows([_object_row(piece) for piece in scene.furniture], 6),
         "sizes": _rows([(human.radius, human.breadth) for human in scene.humans], 2),

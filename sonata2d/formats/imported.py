@@ -255,7 +255,7 @@ def _states(source: SourceEpisode) -> list[JsonDict]:
     ]
 
 
-def goal_of(position: list[float], theta: float = 0.0, **tolerances: float) -> JsonDict:
+def goal_of(position: list[float], theta: float = 0.0, **tolerances: Any) -> JsonDict:
     """Return a goal with the keys of the episode file, rounded as in files.
 
     Args:
@@ -264,7 +264,8 @@ def goal_of(position: list[float], theta: float = 0.0, **tolerances: float) -> J
         tolerances: `distance` (m) and `angle` (rad) of `Goal`; defaults where they are not given.
     """
     pose = Pose(position[0], position[1], theta).rounded()
-    return asdict(Goal(pose.x, pose.y, pose.theta, **tolerances))
+    goal = Goal(pose.x, pose.y, pose.theta, **tolerances)
+    return {name: getattr(goal, name) for name in ("x", "y", "theta", "distance", "angle")}
 
 
 def object_row(id: int, type: str, pose: list[float], shape: JsonDict) -> JsonDict:

@@ -123,7 +123,7 @@ def _must_be_written(thing: Furniture) -> bool:
 
 def _check_exportable(record: EpisodeRecord, options: Options) -> None:
     if unknown := sorted(set(options.types.values()) - set(TYPES)):
-        raise RecordError(f"{NAME} has no objects of type {unknown[0]!r}; its types are {', '.join(TYPES)}")
+        raise RecordError(f"socnav3 has no objects of type {unknown[0]!r}; its types are {', '.join(TYPES)}")
     require_robot(record, NAME)
     require_even_times(record, NAME)
     dt = record.scene().rules.dt
@@ -131,13 +131,13 @@ def _check_exportable(record: EpisodeRecord, options: Options) -> None:
     if dt < 0.1:
         raise UnsuitableEpisode(
             record.path,
-            f"a tick is {dt:g} s, but readers of {NAME} drop frames less than 0.1 s apart",
+            f"a tick is {dt:g} s, but readers of socnav3 drop frames less than 0.1 s apart",
             "record with a tick of 0.1 s or more",
         )
     if record.scene().robots and _ROBOT not in options.types:
         raise UnsuitableEpisode(
             record.path,
-            f"other robots are to be objects, but {NAME} only has {', '.join(TYPES)}",
+            f"other robots are to be objects, but socnav3 only has {', '.join(TYPES)}",
             f"choose a type with --as, such as --as {_ROBOT}=shelf",
         )
     states = record.states
@@ -148,7 +148,7 @@ def _check_exportable(record: EpisodeRecord, options: Options) -> None:
         if _written_type(thing, options) is None and _must_be_written(thing):
             raise UnsuitableEpisode(
                 record.path,
-                f"object {thing.id} is of type {thing.type!r}, but {NAME} only has {', '.join(TYPES)}; without the"
+                f"object {thing.id} is of type {thing.type!r}, but socnav3 only has {', '.join(TYPES)}; without the"
                 " object, readers would see free space in its place",
                 f"write it as another type with --as, such as --as {thing.type}=plant",
             )
@@ -242,6 +242,12 @@ def _shape(shape: Shape) -> JsonDict:
 
 def _goal(record: EpisodeRecord) -> JsonDict:
     goal = record.scene().goal
+    if not goal.is_plain:
+        raise UnsuitableEpisode(
+            record.path,
+            f"the robot has the task {goal.task!r}, and socnav3 has one position only",
+            "export to sonata or npz",
+        )
     return {
         "type": "go-to", "human": None, "x": goal.x, "y": goal.y, "angle": goal.theta,
         "pos_threshold": goal.distance, "angle_threshold": goal.angle,

@@ -152,7 +152,7 @@ def _walls_and_goal(record: EpisodeRecord, ticks: list[int]) -> tuple[Any, Any]:
     scene, robot = record.scene(), record.states.robot[ticks][:, None, POSE]
     ends = np.array([point for wall in scene.walls for point in (wall.start, wall.end)], dtype=float).reshape(1, -1, 2)
     walls = _to_robot_frame(np.broadcast_to(ends, (len(ticks), *ends.shape[1:])), robot).reshape(len(ticks), -1, 4)
-    goal = _to_robot_frame(np.broadcast_to(np.array(scene.goal.position), (len(ticks), 1, 2)), robot)[:, 0]
+    goal = _to_robot_frame(record.goals[ticks][:, None, :2], robot)[:, 0]
     return walls.tolist(), goal.tolist()
 
 

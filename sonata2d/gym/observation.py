@@ -32,7 +32,7 @@ from .parts import (
     part_named,
     table_of,
 )
-from .sight import Arrays, sight_of, write_observation
+from .sight import Arrays, goal_columns, sight_of, write_observation
 
 Order = Literal["nearest", "scene"]
 
@@ -147,7 +147,7 @@ class Encoder:
         scene = scene.with_robots_as_people
         self._sight = Packed(sight_of(scene, self.rows, self.arrays, self.order == "nearest"))
         self.objects, self.walls = self._sight.value.objects[:, :2].copy(), self._sight.value.walls
-        self._time_limit = scene.rules.time_limit
+        self._goal, self._time_limit = scene.goal, scene.rules.time_limit
         self._everybody = np.ones(len(scene.humans), dtype=bool)
         ids = [*(human.id for human in scene.humans), *(piece.id for piece in scene.furniture)]
         self._index = {entity: k for k, entity in enumerate(ids)}
@@ -159,6 +159,9 @@ class Encoder:
         """The observation of a snapshot of the scene given to `reset`."""
         snapshot = snapshot.with_robots_as_people()
         state, links = snapshot.state, self._links_of(snapshot)
+        if snapshot.goal is not self._goal:
+            self._goal = snapshot.goal
+            self._sight.value.goal[:] = goal_columns(self._goal)
         write_observation(
             self._sight.argument, state.row, self.present(state), state.activity, links, len(links),
             min(snapshot.time / self._time_limit, 1.0),

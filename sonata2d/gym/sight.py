@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..core.compiled.kernel import kernel, subroutine
 from ..core.compiled.packing import Floats, Floats2, Ints, Ints2, unpack
 from ..core.compiled.scalar import clipped, length, to_line
-from ..core.entities import Furniture
+from ..core.entities import Furniture, Goal as EntityGoal
 from ..core.geometry import Disc
 from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, X, Y
 from ..core.portable_math import Array, BoolArray, IntArray
@@ -69,11 +69,9 @@ class Sight(NamedTuple):
 
 def sight_of(scene: Scene, rows: Rows, arrays: Arrays, is_sorted: bool) -> Sight:
     """The constants of a scene, with rows and arrays to write into."""
-    goal = scene.goal
-    heading = (math.cos(goal.theta), math.sin(goal.theta))
     types = [furniture_type(piece.type).number for piece in scene.furniture]
     return Sight(
-        goal=np.array([goal.x, goal.y, *heading, min(goal.distance, FARTHEST), goal.angle], dtype=float),
+        goal=goal_columns(scene.goal),
         bodies=np.array([(human.radius, human.shoulder) for human in scene.humans], dtype=float).reshape(-1, 2),
         objects=np.array([_object_row(piece) for piece in scene.furniture], dtype=float).reshape(-1, 7),
         object_types=np.array(types, dtype=np.int64),
@@ -83,6 +81,12 @@ def sight_of(scene: Scene, rows: Rows, arrays: Arrays, is_sorted: bool) -> Sight
         robot_radius=scene.robot.radius,
         arrays=arrays,
     )
+
+
+def goal_columns(goal: EntityGoal) -> Array:
+    """(6,), columns of `Goal`, world frame."""
+    heading = (math.cos(goal.theta), math.sin(goal.theta))
+    return np.array([goal.x, goal.y, *heading, min(goal.distance, FARTHEST), goal.angle], dtype=float)
 
 
 def _object_row(piece: Furniture) -> tuple[float, ...]:

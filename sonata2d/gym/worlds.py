@@ -395,6 +395,11 @@ class _Running:
                 f"{scene.title} has {counted(1 + len(scene.robots), 'robot')}; vectors and Worlds take scenes with one "
                 "robot, SocialNavEnv takes several"
             )
+        if not scene.goal.is_plain:
+            raise TypeError(
+                f"the task of {scene.title} is {scene.goal.task!r} with places or a person; Worlds and vectors take "
+                "goals at one position, SocialNavEnv takes all"
+            )
         self.scene, self.key, self.world, self.crowd = scene, key, World(scene), Crowd(scene)
         if not self.crowd.is_compiled:
             raise TypeError(

@@ -78,11 +78,13 @@ def socnavgym_stalled(trajectory: Trajectory) -> float:
 
 
 @_variant("socnavgym.failure_to_progress", "stalled_time", "count", "less", ("robot", "goal"))
-def socnavgym_no_progress(trajectory: Trajectory) -> float:
-    """Number of states with |p − g| greater than in the state before.
+def socnavgym_no_progress(trajectory: Trajectory) -> float | None:
+    """Number of states with |p − g| greater than in the state before. Not defined for a goal that moves.
 
     Source: SocNavGym, info.
     """
+    if trajectory.scene.goal.moves:
+        return None
     return float((np.diff(lengths(trajectory.position - trajectory.scene.goal.position)) > 0.0).sum())
 
 
@@ -103,11 +105,13 @@ def socnavgym_jerk(trajectory: Trajectory) -> float | None:
 
 
 @_variant("hunavsim.goal_reached", "success", "0/1", "more", GOAL)
-def hunav_goal(trajectory: Trajectory) -> float:
-    """1 if |p − g| − goal.distance < 0.05 m in the last state, with any heading.
+def hunav_goal(trajectory: Trajectory) -> float | None:
+    """1 if |p − g| − goal.distance < 0.05 m in the last state, with any heading. Not defined for a goal that moves.
 
     Source: HuNavSim, hunav_metrics.py.
     """
+    if trajectory.scene.goal.moves:
+        return None
     distance = float(lengths(trajectory.position[-1] - trajectory.scene.goal.position))
     return float(distance - trajectory.scene.goal.distance < _HUNAV_GOAL_TOLERANCE)
 
@@ -191,11 +195,15 @@ def socnav3_fear(trajectory: Trajectory) -> float | None:
 
 
 @_variant("socnav3.path_efficiency_ratio", "spl", "share", "more", ("robot", "goal"))
-def socnav3_path_efficiency(trajectory: Trajectory) -> float:
+def socnav3_path_efficiency(trajectory: Trajectory) -> float | None:
     """min(1, |p(0) − g| / PL), with the straight-line distance, whether or not the goal is reached.
+
+    Not defined for a goal that moves.
 
     Source: SocNav3, metrics.py.
     """
+    if trajectory.scene.goal.moves:
+        return None
     straight = float(lengths(trajectory.position[0] - trajectory.scene.goal.position))
     actual = path_length_of(trajectory)
     return min(1.0, straight / actual) if actual > 0.0 else 1.0

@@ -127,6 +127,20 @@ def time_to_goal(trajectory: Trajectory) -> float | None:
     return None if trajectory.goal_index is None else trajectory.total_time
 
 
+@metric("share", "more", needs={"robot", "goal"})
+def company(trajectory: Trajectory) -> float | None:
+    """Share of the states in which the robot is near the person of its task, `Goal.near`; 0 while it is absent.
+
+    Not defined for a task without a person.
+    """
+    goal = trajectory.scene.goal
+    if goal.person is None:
+        return None
+    k = int(np.flatnonzero(trajectory.scene.human_table.id == goal.person)[0])
+    person = trajectory.record.states.humans[: len(trajectory), k, :2]
+    return float((lengths(person - trajectory.position) <= goal.near).mean())
+
+
 @metric("s", "less", needs={"robot"}, headline=True)
 def stalled_time(trajectory: Trajectory) -> float:
     """Σ Δt over ticks with |Δp| < 0.01 m/s · Δt and |wrap(Δθ)| < 0.02 rad/s · Δt.
@@ -145,5 +159,6 @@ def _collisions_with(trajectory: Trajectory, kind: Kind) -> float:
 
 METRICS = (
     success, success_strict, timeout, collisions, human_collisions, object_collisions, wall_collisions,
-    robot_on_person, person_on_robot, both_on_each_other, time_to_first_collision, time_to_goal, stalled_time,
+    robot_on_person, person_on_robot, both_on_each_other, time_to_first_collision, time_to_goal, company,
+    stalled_time,
 )  # fmt: skip

@@ -83,6 +83,8 @@ class Trajectory:
             return None
         if self.record.outcome.status == "goal":  # the outcome decides: recorded positions are rounded
             return len(robot) - 1 if len(robot) == len(states.robot) else None
+        if not goal.is_plain:
+            return None
         at_goal = lengths(robot[:, :2] - goal.position) <= goal.distance
         if goal.angle < ANY_HEADING:
             at_goal &= np.abs(wrap_angles(robot[:, THETA] - goal.theta)) <= goal.angle
@@ -245,10 +247,10 @@ class Trajectory:
         """Length of the shortest path from the robot's start to the edge of the goal, m; None if no path exists.
 
         The path avoids walls and furniture at the radius of the largest circle within the robot's outline, and ignores
-        humans.
+        humans. None, too, for a goal that moves.
         """
         goal, table, radius = self.scene.goal, self.scene.barriers.table, float(self.scene.robot.outline.inradius)
-        if not radius > 0.0:
+        if not radius > 0.0 or goal.moves:
             return None
         x, y = self.position[0].tolist()
         length = shortest_length(table, radius, x, y, float(goal.x), float(goal.y), float(goal.distance))

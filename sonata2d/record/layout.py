@@ -79,7 +79,7 @@ def scene_to_json(scene: Scene) -> JsonDict:
         **({"attributes": [_entity_to_json(spec) for spec in scene.attributes]} if scene.attributes else {}),
         "interactions": interaction_rows(scene.interactions),
         "robot": _entity_to_json(scene.robot),
-        "goal": _fields_of(scene.goal),
+        "goal": _entity_to_json(scene.goal),
         **({"robots": [_other_to_json(other) for other in scene.robots]} if scene.robots else {}),
         "social": _entity_to_json(scene.social) if scene.social != Social() else None,
         "dropped": scene.dropped,
@@ -129,7 +129,7 @@ def human_to_json(human: Human) -> JsonDict:
 
 def _other_to_json(other: OtherRobot) -> JsonDict:
     """Return the keys of another robot but those of its controller."""
-    return {"id": other.id, "robot": _entity_to_json(other.robot), "goal": _fields_of(other.goal)}
+    return {"id": other.id, "robot": _entity_to_json(other.robot), "goal": _entity_to_json(other.goal)}
 
 
 def _other_from_json(values: JsonDict) -> OtherRobot:
@@ -177,7 +177,7 @@ _LISTS: dict[str, tuple[str, type]] = {
 # defaults of the fields of entities that a file holds only where they differ
 _ADDITIVE: dict[Any, dict[str, Any]] = {
     kind: {each.name: each.default for each in fields(kind) if each.metadata.get("additive")}
-    for kind in (Robot, Human, Social, Furniture, Area, AttributeSpec)
+    for kind in (Robot, Goal, Human, Social, Furniture, Area, AttributeSpec)
 }
 _SHAPES: dict[str, type] = {"disc": Disc, "rectangle": Rectangle, "polygon": Polygon}
 _SHAPE_NAMES = {kind: name for name, kind in _SHAPES.items()}

@@ -68,7 +68,6 @@ def motion_of(record: EpisodeRecord) -> Motion:
     """The arrays of a recorded episode, world frame."""
     scene, states = record.scene(), record.states
     rows = [*record.document["frames"], record.document["final"]]
-    goal = np.array([scene.goal.x, scene.goal.y, scene.goal.theta], dtype=float)
     walls = np.array([[*wall.start, *wall.end] for wall in scene.walls], dtype=float).reshape(-1, 4)
     poses = [[thing.pose.x, thing.pose.y, thing.pose.theta] for thing in scene.furniture]
     objects = np.array(poses, dtype=float).reshape(-1, 3)
@@ -80,7 +79,7 @@ def motion_of(record: EpisodeRecord) -> Motion:
         humans=states.humans,
         present=states.present,
         activity=states.activity,
-        goal=_repeated(goal, len(rows)),
+        goal=record.goals,
         walls=_repeated(walls, len(rows)),
         objects=_repeated(objects, len(rows)),
         command=record.command,

@@ -20,6 +20,7 @@ from ..core.labels import LabelSpec
 from ..core.portable_math import Array, BoolArray, IntArray, unit_vector, unit_vectors
 from ..core.scene import Scene
 from ..core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot
+from ..core.tasks import next_stage, set_present_goal
 from ..core.wording import counted
 from ..view.drawing import Drawing, drawing_of
 from .columns import Columns, States, columns_of
@@ -328,7 +329,7 @@ class EpisodeRecord(Drawable):
         state = self.document["frames"][t] if t < len(self) else self.document["final"]
         robots, others = self._scene.robots, state.get("robots") or ()
         before = self.document["frames"][t - 1].get("robots") or () if t else others
-        return Snapshot(
+        snapshot = Snapshot(
             tick=int(self.states.tick[t]),
             time=float(self.states.time[t]),
             scene=self._scene,
@@ -343,6 +344,25 @@ class EpisodeRecord(Drawable):
             contacts=tuple(_contact(row) for row in state["contacts"]),
             events=events_of(state),
         )
+        if self._scene.goal.moves:
+            set_present_goal(snapshot, self._stages[t])
+        return snapshot
+
+    @cached_property
+    def _stages(self) -> list[int]:
+        """Number of places that the robot has reached in each state, see `core.tasks`."""
+        stage, stages = 0, []
+        for x, y in self.states.robot[:, :2].tolist():
+            stage = next_stage(self._scene.goal, stage, (x, y))
+            stages.append(stage)
+        return stages
+
+    @cached_property
+    def goals(self) -> Array:
+        """(T + 1, 3), columns x, y (m) and theta (rad): the goal in each state."""
+        scene = self._scene
+        goals = [s.goal for s in self.snapshots()] if scene.goal.moves else [scene.goal] * (len(self) + 1)
+        return frozen(np.array([(goal.x, goal.y, goal.theta) for goal in goals], dtype=float))
 
     @cached_property
     def sensors(self) -> dict[str, Sensor | None]:

@@ -33,7 +33,7 @@ from .placed import (
     place_given,
 )
 from .placement import Layout, cluster_radius
-from .robot_task import draw_other_robots, draw_robot_task, reserved_outlines
+from .robot_task import draw_other_robots, draw_robot_task, reserved_outlines, with_person
 from .sampling import EntityCluster, TypeStreams, sample_entities, shape_of
 from .scenario.attributes import AttributesConfig
 from .scenario.config import ScenarioConfig
@@ -183,7 +183,7 @@ def _try_layout(
         furniture=entities.furniture,
         humans=(*listed, *entities.humans),
         robot=robot,
-        goal=goal,
+        goal=with_person(config, goal, listed, robot),
         robots=others,
         groups=(*people.groups, *entities.groups),
         interactions=(*people.interactions, *entities.interactions),

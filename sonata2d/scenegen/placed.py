@@ -148,6 +148,7 @@ _MIRRORS: dict[str, Callable[[Any], Any]] = {
     "one_way": operator.neg,
     "pose": lambda pose: (pose[0], -pose[1], -pose[2]),
     "position": _mirror_point,
+    "then": _mirror_points,
     "velocity": _mirror_point,
     "goals": _mirror_points,
     "polygon": lambda corners: _mirror_points(corners[::-1]),

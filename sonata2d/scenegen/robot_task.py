@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 
 import numpy as np
 
-from ..core.entities import Goal, Limits, OtherRobot, Robot
+from ..core.compiled.scalar import length
+from ..core.entities import Goal, Human, Limits, OtherRobot, Robot
 from ..core.geometry import Barriers, Disc, Point, Pose, Shape, inside_polygon, inside_rings, quantised
 from ..core.navigation import FreeSpace
 from ..core.outlines import shape_gap
 from ..core.portable_math import PI
 from ..core.rng import RandomStream
+from ..core.tasks import AT_PERSON
 from ..errors import SceneError
 from .placement import Layout, PlacedShape
 from .scenario.config import ScenarioConfig
@@ -91,7 +94,33 @@ def draw_robot_task(
     """
     space = _free_space(config, layout, barriers)
     _check_given(config, layout, space, "the robot")
-    return _drawn_task(config, layout, space, rng, "the robot")
+    robot, goal = _drawn_task(config, layout, space, rng, "the robot")
+    for x, y in config.goal.then:
+        if not space.is_free_at((x, y)) or space.path(goal.position, (x, y)) is None:
+            raise SceneError(f"the robot cannot be at the further place ({x:g}, {y:g}) of its goal; move it")
+    return robot, replace(goal, then=tuple((quantised(x), quantised(y)) for x, y in config.goal.then))
+
+
+def with_person(config: ScenarioConfig, goal: Goal, humans: Sequence[Human], robot: Robot) -> Goal:
+    """The goal of a task about a person.
+
+    Args:
+        config: section `goal`.
+        goal: as drawn; its place is of the tasks `lead` and `wait`.
+        humans: of `people`, in order.
+        robot: at its start.
+
+    Raises:
+        SceneError: the robot starts near a person that it has to meet.
+    """
+    settings = config.goal
+    if settings.person is None:
+        return goal
+    human = humans[settings.person - 1]
+    x, y = human.pose.position if settings.task in AT_PERSON else goal.position
+    if settings.task == "meet" and length(human.pose.x - robot.pose.x, human.pose.y - robot.pose.y) <= settings.near:
+        raise SceneError(f"the robot starts within {settings.near:g} m of person {settings.person}, whom it is to meet")
+    return replace(goal, x=x, y=y, task=settings.task, person=human.id, near=quantised(settings.near))
 
 
 def _free_space(config: ScenarioConfig, layout: Layout, barriers: Barriers) -> FreeSpace:

@@ -151,6 +151,7 @@ class Episode(Drawable):
     def _may_skip(self) -> bool:
         """Whether people and observers do without the interpreter in some ticks."""
         is_plain = type(self).step is Episode.step and self._crowd.is_compiled and not self._drivers[0].sensors
+        is_plain = is_plain and self.scene.goal.is_plain
         return is_plain and not self.scene.robots and all(map(_takes_many_frames, self.observers))
 
     def _run_frames(self, run: CompiledRun, limit: int | None = None) -> bool:

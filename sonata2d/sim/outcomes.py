@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from ..core.humans import X, Y
 from ..core.snapshot import Contact, Outcome, Snapshot
+from ..core.tasks import is_done
 
 
 def arrivals_at(snapshot: Snapshot) -> list[bool]:
     """Whether each robot is at its goal, in the order of `Scene.robot_ids`."""
-    goals = (goal for _, goal in snapshot.scene.tasks)
-    return [goal.is_reached(robot.pose) for goal, robot in zip(goals, (snapshot.robot, *snapshot.robots), strict=True)]
+    robots = (snapshot.robot, *snapshot.robots)
+    reached = [goal.is_reached(robot.pose) for (_, goal), robot in zip(snapshot.scene.tasks, robots, strict=True)]
+    return reached if snapshot.goal.is_plain else [is_done(snapshot), *reached[1:]]
 
 
 def outcome_at(snapshot: Snapshot) -> Outcome | None:
@@ -20,10 +22,12 @@ def outcome_at(snapshot: Snapshot) -> Outcome | None:
     """
     scene, row = snapshot.scene, snapshot.state.row
     goal, rules = scene.goal, scene.rules
+    if not goal.is_plain and "goal" in rules.ends_on and is_done(snapshot):
+        return Outcome("goal", f"the robot has done its task: {goal.task}", snapshot.tick, snapshot.time)
     # The exact test needs the robot's heading, which takes longer to find than most ticks need for all of this.
     reach = goal.distance + 1e-6
     is_near = abs(goal.x - row.item(X)) <= reach and abs(goal.y - row.item(Y)) <= reach
-    if is_near and "goal" in rules.ends_on and goal.is_reached(snapshot.robot.pose):
+    if is_near and goal.is_plain and "goal" in rules.ends_on and goal.is_reached(snapshot.robot.pose):
         return Outcome("goal", f"within {goal.distance} m of the goal", snapshot.tick, snapshot.time)
     if "contact" in rules.ends_on and snapshot.contacts:
         return Outcome("contact", _described(snapshot.contacts[0]), snapshot.tick, snapshot.time)

@@ -31,6 +31,7 @@ from ..core.portable_math import Array, IntArray
 from ..core.scene import Scene, initial_activities
 from ..core.snapshot import Contact, CrowdCommands, Snapshot
 from ..core.state import HUMAN_SIZE, ROBOT_SIZE, State
+from ..core.tasks import next_stage, set_present_goal
 from .bodies import Bodies, is_recorded
 from .kernel.body import body_of
 from .kernel.chipmunk import EngineMemory
@@ -103,6 +104,7 @@ class World:
         self._contact_bits = [part for each in parts for part in each]
         self._no_contacts: tuple[tuple[Contact, ...], ...] = ((),) * (1 + len(scene.robots))
         self._last_contacts: tuple[bytes, tuple[tuple[Contact, ...], ...]] = b"", ()
+        self._stage = 0  # places that the robot has reached, see `core.tasks`
         self._activity = initial_activities(scene)
         self._interactions = scene.interactions
         self._may_change = may_change(scene)
@@ -156,9 +158,11 @@ class World:
             activity = activities_of_present(activity, self.scene.human_table.id, interactions)
             is_present = frozen(~is_absent)
         state, contacts = State(row, activity, is_present), self._contacts()
-        if len(contacts) == 1:
-            return Snapshot.of_state(self.tick, self.scene, state, interactions, contacts[0], events)
-        return Snapshot.of_state(self.tick, self.scene, state, interactions, contacts[0], events, contacts[1:])
+        snapshot = Snapshot.of_state(self.tick, self.scene, state, interactions, contacts[0], events, contacts[1:])
+        if self.scene.goal.moves:
+            self._stage = next_stage(self.scene.goal, self._stage, snapshot.robot.position)
+            set_present_goal(snapshot, self._stage)
+        return snapshot
 
     def step(
         self, twist: Twist, crowd: CrowdCommands, *, is_limited: bool = False, others: Sequence[Twist] = ()
@@ -249,7 +253,7 @@ class World:
             kept.restore()
         self._engine.use(self._bodies.new_space())
         begin(self.argument)
-        self.tick, self._last_contacts = 0, (b"", ())
+        self.tick, self._stage, self._last_contacts = 0, 0, (b"", ())
         self._activity, self._interactions = initial_activities(self.scene), self.scene.interactions
 
     @property

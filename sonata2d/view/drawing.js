@@ -29,7 +29,7 @@ export function stateBetween(scene, before, after, s) {
     const [x, y, theta, ahead, left, omega, touches] = pose(before.robots[n], after.robots[n], s);
     return {...robot, isRobot: true, x, y, theta, ahead, left, omega, touches};
   });
-  return {people, robots, links: before.links, time: blend(before.time, after.time, s),
+  return {people, robots, goal: before.goal || scene.goal, links: before.links, time: blend(before.time, after.time, s),
           robot: {id: 0, isRobot: true, radius: scene.robotRadius, x, y, theta, ahead, left, omega, touches: before.touches}};
 }
 
@@ -113,7 +113,7 @@ export class SceneDrawing {
     this.drawRoom(s);
     if (layers.goal !== false && this.known("goal")) {
       for (const robot of now.robots) this.drawWay(robot);
-      this.place("goal", this.scene.goal[0], this.scene.goal[1]);
+      this.place("goal", now.goal[0], now.goal[1]);
     }
     for (const trail of trails) this.drawTrail(trail);
     const robots = this.known("robot") ? [...now.robots, now.robot] : [];

@@ -170,6 +170,7 @@ def state_data(snapshot: Snapshot) -> dict[str, Any]:
         "time": _number(snapshot.time),
         "robot": _robot_row(snapshot.robot),
         **({"robots": [_other_row(snapshot, k) for k in range(len(snapshot.robots))]} if snapshot.robots else {}),
+        **({"goal": snapshot.goal.position} if snapshot.goal.moves else {}),
         "people": _human_rows(snapshot),
         "links": [(link.src, link.dst) for link in visible_interactions(snapshot)],
         "touches": touched_kind(snapshot),

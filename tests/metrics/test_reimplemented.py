@@ -21,7 +21,7 @@ R = 0.3  # m, of the robot
 # test_area_rules.py
 NOT_HERE = {
     "shortest_length", "spl", "stl", "round_trip_median", "round_trip_95", "robot_collisions", "robot_clearance_min",
-    "makespan", "no_go_time", "speeding_time", "wrong_way_time",
+    "makespan", "company", "no_go_time", "speeding_time", "wrong_way_time",
 }  # fmt: skip
 
 

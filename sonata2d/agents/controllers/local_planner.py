@@ -22,6 +22,7 @@ from ...core.portable_math import Array, unit_vector, unit_vectors
 from ...core.rng import RandomStream
 from ...core.scene import Scene
 from ...core.vectors import X, Y, length
+from ...errors import ControllerError
 from ..drives.base import drive_of, drive_state
 from ..sensors.base import Sensor
 from ..sensors.estimates import Odometry, OdometryReading
@@ -215,6 +216,11 @@ class LocalPlanner(Controller):
 
     def reset(self, scene: Scene) -> None:
         robot, goal = scene.robot, scene.goal
+        if goal.moves:
+            raise ControllerError(
+                f"{type(self).__name__} drives to one position, and the goal of this scene moves ({goal.task}); use "
+                "social-planner, orca or social-force"
+            )
         self._map = local_map(robot.pose.position, goal.position)
         self._goal, self._tick, self._places = goal, -1, 0
         self._past: dict[int, OdometryReading] = {}  # by tick

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...core.portable_math import Array, BoolArray
 from ...core.scene import Scene
+from ...core.tasks import is_done
 from ...core.turning import BODY_TURN
 from ...core.vectors import wrap_angle
 from ...record.layout import HUMAN_ANGLES, ROBOT_ANGLES
@@ -307,10 +308,22 @@ def _check_outcome(record: EpisodeRecord) -> Iterator[Finding]:
         yield "outcome", f"is {outcome.status}, but the robots arrived at ticks {list(outcome.arrivals)}"
 
 
+def _check_task(record: EpisodeRecord) -> Iterator[Finding]:
+    """The task must be done when the file says so, and not before."""
+    done = [is_done(snapshot) for snapshot in record.snapshots()]
+    if record.outcome.status == "goal" and not done[-1]:
+        yield "outcome", f"says the task was done: {record.scene().goal.task}, but it was not"
+    if "goal" in record.scene().rules.ends_on and any(done[:-1]) and not record.scene().robots:
+        yield "outcome", f"the task was done at tick {done.index(True)}, but the episode went on"
+
+
 def _check_arrival(record: EpisodeRecord) -> Iterator[Finding]:
     """The robot must be at its goal when the file says so, and not before; of several, it stands from then on."""
     scene, outcome = record.scene(), record.outcome
     goal, robot = scene.goal, record.states.robot
+    if not goal.is_plain:
+        yield from _check_task(record)
+        return
     missing = np.hypot(robot[:, X] - goal.x, robot[:, Y] - goal.y) - goal.distance  # m, and rad: 0 or less at the goal
     if goal.angle < 3.14:
         turned = np.array([abs(wrap_angle(theta - goal.theta)) for theta in robot[:, THETA].tolist()])

@@ -355,6 +355,11 @@ def _human_image(human: JsonDict) -> JsonDict:
     return _pose_image(human) | points | {"velocity": _points_image([human["velocity"]])[0]}
 
 
+def _goal_image(goal: JsonDict) -> JsonDict:
+    image = _pose_image(goal)
+    return image | {"then": _points_image(goal["then"])} if "then" in goal else image
+
+
 def _area_image(area: JsonDict) -> JsonDict:
     """The image of an area."""
     image = area | {"polygon": _points_image(reversed(area["polygon"]))}
@@ -400,7 +405,7 @@ def _controller_image(controller: JsonDict | None) -> JsonDict | None:
 # of the keys of each robot
 _IMAGES_OF_ROBOT: dict[str, Callable[[Any], Any]] = {
     "robot": lambda robot: _shape_image(_pose_image(robot)),
-    "goal": _pose_image,
+    "goal": _goal_image,
     "controller": _controller_image,
     "sensors": lambda sensors: [_sensor_image(definition) for definition in sensors],
 }

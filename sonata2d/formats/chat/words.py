@@ -14,6 +14,7 @@ from ...core.portable_math import unit_vector
 from ...core.relations import ACTIVITY, RELATION
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
+from ...core.tasks import AT_PERSON
 from ...metrics.encounters import Kind, Meeting, encounter
 from ...record.record import EpisodeRecord
 
@@ -54,8 +55,8 @@ class Instruction:
 
     Attributes:
         text: one or several sentences.
-        slots: ids of the people and objects that it names, and names of areas, by role: `destination`, `undisturbed`,
-            `fragile`, `no_go`, `slow`, `one_way`.
+        slots: ids of the people and objects that it names, and names of areas, by role: `destination`, `person`,
+            `undisturbed`, `fragile`, `no_go`, `slow`, `one_way`.
     """
 
     text: str
@@ -94,14 +95,22 @@ def instruction(scene: Scene) -> Instruction:
         if human.behaviour == "standing" and human.is_always_present and human.id not in engaged
     ]
     distance, id = min(near, default=(math.inf, 0))
+    if distance < _NEAR_GOAL and scene.goal.task not in AT_PERSON and "goal" not in scene.unmeasured:
+        slots["destination"] = [id]
+        place = name_of(scene, id)
+    else:
+        place = f"the place {_offset(*scene.robot.pose.to_local(scene.goal.position))} from your start"
+    further = [f"the one {_offset(*scene.robot.pose.to_local(point))}" for point in scene.goal.then]
+    if scene.goal.person is not None:
+        slots["person"] = [scene.goal.person]
+    who = f"person {scene.goal.person}"
+    parts = [{
+        "go": f"Go to {place}" + (f", then to {listed(further)}, in this order" if further else ""),
+        "meet": f"Go to {who}", "follow": f"Follow {who}", "accompany": f"Go beside {who}",
+        "lead": f"Lead {who} to {place}", "wait": f"Go to {place} and wait there for {who}",
+    }[scene.goal.task]]  # fmt: skip
     if "goal" in scene.unmeasured:
         parts = ["Drive among the people, to a goal that was not recorded"]
-    elif distance < _NEAR_GOAL:
-        slots["destination"] = [id]
-        parts = [f"Go to {name_of(scene, id)}"]
-    else:
-        ahead, left = scene.robot.pose.to_local(scene.goal.position)
-        parts = [f"Go to the place {_offset(ahead, left)} from your start"]
     carried = scene.attributes_of().get("robot_carries")
     if isinstance(carried, str) and carried not in _NOTHING:
         parts.append(f"carry {carried}")
@@ -237,13 +246,14 @@ def story(record: EpisodeRecord) -> list[str]:
                 what = {"human": f"person {key[1]}", "wall": "a wall", "robot": f"robot {key[1]}"}
                 events.append((float(frame["time"]), f"it touches {what.get(key[0]) or name_of(scene, key[1])}"))
     sentences += [f"At {time:.1f} s {text}." for time, text in sorted(events)]
-    outcome = record.document["outcome"]
+    outcome, is_plain = record.document["outcome"], scene.goal.is_plain
     if lacks & {"goal", "outcome"}:
         sentences.append(f"The recording ends after {float(states.time[-1] - states.time[0]):.1f} s.")
     elif outcome["status"] == "goal":
-        sentences.append(f"It reaches its goal after {outcome['time']:.1f} s.")
+        sentences.append(f"It {'reaches its goal' if is_plain else 'has done its task'} after {outcome['time']:.1f} s.")
     else:
-        sentences.append(f"It has not reached its goal when the episode ends after {outcome['time']:.1f} s.")
+        missed = "has not reached its goal" if is_plain else "has not done its task"
+        sentences.append(f"It {missed} when the episode ends after {outcome['time']:.1f} s.")
     return sentences
 
 

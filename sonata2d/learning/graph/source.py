@@ -73,11 +73,15 @@ def recorded_observation(record: EpisodeRecord, tick: int) -> Observation:
 
 
 def require_task(record: EpisodeRecord) -> None:
-    """Require a recorded robot and goal: graphs describe the task of the robot.
+    """Require a recorded robot and one goal: graphs describe the task of the robot.
 
     Raises:
-        RecordError: the source of an imported episode has none.
+        RecordError: the source of an imported episode has none, or the goal moves.
     """
+    if record.scene().goal.moves:
+        raise RecordError(
+            f"{record.path}: graphs have one goal, and that of the task {record.scene().goal.task!r} moves"
+        )
     missing = sorted({"robot", "goal"} & record.scene().unmeasured)
     if missing:
         raise RecordError(f"{record.path}: graphs need a robot and a goal; not in its source: {', '.join(missing)}")

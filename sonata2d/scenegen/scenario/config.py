@@ -283,7 +283,16 @@ class ScenarioConfig(Settings):
         if (count := 1 + sum(other.count for other in self.robots)) > MAX_ROBOTS:
             raise setting_error(f"a scene has at most {MAX_ROBOTS} robots, got {count}", "robots")
         self._check_task(self.robot, self.goal, ())
+        if self.goal.person is not None:
+            if self.goal.person > len(self.people):
+                count = len(self.people)
+                raise setting_error(f"there is no person {self.goal.person}; people has {count}", "goal", "person")
+            if self.goal.task in ("follow", "accompany") and not self.people[self.goal.person - 1].goals:
+                message = f"person {self.goal.person} walks nowhere; give goals, at the last of which the task ends"
+                raise setting_error(message, "people", self.goal.person - 1, "goals")
         for k, other in enumerate(self.robots):
+            if other.goal.task != "go" or other.goal.then:
+                raise setting_error("tasks and further places are of the first robot", "robots", k, "goal", "task")
             self._check_task(other, other.goal, ("robots", k))
         return self
 

@@ -19,11 +19,12 @@ from pydantic import (
 )
 
 from ...core.bounds import Capacity, Fraction, NotNegative, Number, Positive
-from ...core.entities import DEFAULT_CONTROLLER, DEFAULT_MODEL, Area, Formation, Limits, Reaction
+from ...core.entities import DEFAULT_CONTROLLER, DEFAULT_MODEL, Area, Formation, Limits, Reaction, RobotTask
 from ...core.files.limits import MAX_NAME
 from ...core.geometry import Disc, Point, Polygon, Rectangle, Shape, canonical_angle, quantised
 from ...core.labels import LabelSpec
 from ...core.scene import Rules, Social
+from ...core.tasks import AT_PERSON
 from ...core.wording import shown
 from ...registry import CONTROLLERS, DRIVES, PEDESTRIAN_MODELS, PERSON_KINDS, did_you_mean, drive_class
 from .attributes import GivenAttributes
@@ -432,7 +433,7 @@ class RobotConfig(Settings):
 
 
 class GoalConfig(Settings):
-    """The robot's goal, and the condition for reaching it.
+    """The robot's goal, its task there, and the condition for reaching it.
 
     Attributes:
         distance, angle: largest distance (m) and heading error (rad) of the robot at which the goal counts as reached.
@@ -441,9 +442,14 @@ class GoalConfig(Settings):
         jitter: maximum random offset of `position` in x and y (m), in both directions, drawn for each scene.
         theta: rad, world frame; default: drawn.
         area: name of one of `areas`, in which a drawn goal lies; in files the key is `in`.
+        task: `go` to the position; `meet`, `follow` or `accompany` a person, who is then the goal; `lead` a person to
+            the position; `wait` for a person there. See `Goal` in docs/format.md for when a task is done.
+        person: number of the person in `people`, from 1; of one that is followed or accompanied, `goals` are given.
+        near: largest distance between the centres of robot and person at which they are near each other, m.
+        then: further places of the task `go`, in order, m.
     """
 
-    _optional = frozenset({"area"})
+    _optional = frozenset({"area", "task", "person", "near", "then"})
 
     distance: Positive = 0.40
     angle: Positive = 3.1416
@@ -452,6 +458,21 @@ class GoalConfig(Settings):
     jitter: tuple[NotNegative, NotNegative] = (0.0, 0.0)
     theta: Number | None = None
     area: AreaName | None = Field(default=None, alias="in")
+    task: RobotTask = "go"
+    person: PositiveInt | None = None
+    near: Positive = 1.5
+    then: tuple[Point, ...] = ()
+
+    @model_validator(mode="after")
+    def _check_task(self) -> Self:
+        if (self.task == "go") != (self.person is None):
+            message = f"the task {self.task!r} is about a person; give its number in people"
+            raise setting_error("person is of other tasks than go" if self.task == "go" else message, "person")
+        if self.task != "go" and self.then:
+            raise setting_error(f"further places are of the task go, not of {self.task!r}", "then")
+        if self.task in AT_PERSON and (self.position is not None or self.area is not None):
+            raise setting_error(f"the goal of the task {self.task!r} is at the person; omit the place", "task")
+        return self
 
 
 class OtherRobotConfig(RobotConfig):
