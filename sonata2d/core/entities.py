@@ -440,7 +440,7 @@ class Goal:
     angle: Positive = 3.1416
     task: RobotTask = field(default="go", metadata=ADDITIVE)
     person: Id | None = field(default=None, metadata=ADDITIVE)
-    near: Positive = field(default=1.5, metadata=ADDITIVE)
+    near: Positive = field(default=2.0, metadata=ADDITIVE)
     then: tuple[Point, ...] = field(default=(), metadata=ADDITIVE)
 
     @property

@@ -460,7 +460,7 @@ class GoalConfig(Settings):
     area: AreaName | None = Field(default=None, alias="in")
     task: RobotTask = "go"
     person: PositiveInt | None = None
-    near: Positive = 1.5
+    near: Positive = 2.0
     then: tuple[Point, ...] = ()
 
     @model_validator(mode="after")
