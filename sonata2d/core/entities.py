@@ -431,6 +431,7 @@ class Goal:
         person: id of the person whom the task is about; None for `go`.
         near: largest distance between the centres of robot and person at which they are near each other, m.
         then: further places of the task `go`, in order, m.
+        object: id of the object that the position is beside; None: any position.
     """
 
     x: Number
@@ -442,6 +443,7 @@ class Goal:
     person: Id | None = field(default=None, metadata=ADDITIVE)
     near: Positive = field(default=2.0, metadata=ADDITIVE)
     then: tuple[Point, ...] = field(default=(), metadata=ADDITIVE)
+    object: Id | None = field(default=None, metadata=ADDITIVE)
 
     @property
     def moves(self) -> bool:

@@ -33,7 +33,7 @@ from .placed import (
     place_given,
 )
 from .placement import Layout, cluster_radius
-from .robot_task import draw_other_robots, draw_robot_task, reserved_outlines, with_person
+from .robot_task import draw_other_robots, draw_robot_task, reserved_outlines, with_target
 from .sampling import EntityCluster, TypeStreams, sample_entities, shape_of
 from .scenario.attributes import AttributesConfig
 from .scenario.config import ScenarioConfig
@@ -165,7 +165,7 @@ def _try_layout(
     obstacles = _obstacles(plan, humans.values(), furniture.values()).joined(standing_throughout(people.humans))
     closed = [edge for area in config.areas if area.no_go for edge in area.area().edges()]
     obstacles = obstacles.joined(Barriers.of(closed))  # of robots
-    robot, goal = draw_robot_task(config, layout, obstacles, rng)
+    robot, goal = draw_robot_task(config, layout, obstacles, rng, tuple(furniture.values()))
     # the other robots have a stream, so that they change nothing else in a scene
     others = (
         draw_other_robots(config, layout, obstacles, (robot, goal), stream_of("other robots")) if config.robots else ()
@@ -183,7 +183,7 @@ def _try_layout(
         furniture=entities.furniture,
         humans=(*listed, *entities.humans),
         robot=robot,
-        goal=with_person(config, goal, listed, robot),
+        goal=with_target(config, goal, listed, entities.furniture, robot),
         robots=others,
         groups=(*people.groups, *entities.groups),
         interactions=(*people.interactions, *entities.interactions),

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 
 import numpy as np
 
 from ..core.compiled.scalar import length
-from ..core.entities import Goal, Human, Limits, OtherRobot, Robot
+from ..core.entities import Furniture, Goal, Human, Limits, OtherRobot, Robot
 from ..core.geometry import Barriers, Disc, Point, Pose, Shape, inside_polygon, inside_rings, quantised
 from ..core.navigation import FreeSpace
 from ..core.outlines import shape_gap
-from ..core.portable_math import PI
+from ..core.portable_math import PI, unit_vector
 from ..core.rng import RandomStream
 from ..core.tasks import AT_PERSON
 from ..errors import SceneError
@@ -78,7 +79,7 @@ def _occupy(layout: Layout, robot: Robot, goal: Goal) -> None:
 
 
 def draw_robot_task(
-    config: ScenarioConfig, layout: Layout, barriers: Barriers, rng: RandomStream
+    config: ScenarioConfig, layout: Layout, barriers: Barriers, rng: RandomStream, furniture: Sequence[Furniture]
 ) -> tuple[Robot, Goal]:
     """Create the robot at its start, and its goal; start and goal are drawn unless given.
 
@@ -87,33 +88,55 @@ def draw_robot_task(
         layout: the room with all other entities.
         barriers: outlines of everything that the robot must avoid: walls, furniture and standing pedestrians.
         rng: random stream of the scene.
+        furniture: of the scene, with poses.
 
     Raises:
-        SceneError: a given start or goal is not free; no path connects a given start and goal; or `max_attempts` pairs
-            of start and goal failed.
+        SceneError: a given start or goal is not free; no path connects a given start and goal; there is no piece of
+            furniture of `goal.object`; or `max_attempts` pairs of start and goal failed.
     """
     space = _free_space(config, layout, barriers)
     _check_given(config, layout, space, "the robot")
-    robot, goal = _drawn_task(config, layout, space, rng, "the robot")
+    pieces = [piece for piece in furniture if piece.type == config.goal.object]
+    if config.goal.object is not None and not pieces:
+        types = ", ".join(sorted({piece.type for piece in furniture})) or "no furniture"
+        raise SceneError(f"the goal is beside a {config.goal.object}, and the scene has {types}")
+    robot, goal = _drawn_task(config, layout, space, rng, "the robot", pieces)
     for x, y in config.goal.then:
         if not space.is_free_at((x, y)) or space.path(goal.position, (x, y)) is None:
             raise SceneError(f"the robot cannot be at the further place ({x:g}, {y:g}) of its goal; move it")
     return robot, replace(goal, then=tuple((quantised(x), quantised(y)) for x, y in config.goal.then))
 
 
-def with_person(config: ScenarioConfig, goal: Goal, humans: Sequence[Human], robot: Robot) -> Goal:
-    """The goal of a task about a person.
+def _beside(piece: Furniture, config: ScenarioConfig, rng: RandomStream) -> Point:
+    """A place for the robot beside a piece of furniture; of what stands on another piece, beside that one."""
+    length, width = piece.shape.sides
+    reach = 0.6 if piece.on is None else 1.5
+    distance = math.sqrt(length * length + width * width) / 2.0 + config.robot.outline.inradius + _PATH_MARGIN
+    distance += rng.uniform(0.0, reach)
+    c, s = unit_vector(rng.uniform(-PI, PI))
+    return piece.pose.x + distance * c, piece.pose.y + distance * s
+
+
+def with_target(
+    config: ScenarioConfig, goal: Goal, humans: Sequence[Human], furniture: Sequence[Furniture], robot: Robot
+) -> Goal:
+    """The goal with its person or object.
 
     Args:
         config: section `goal`.
-        goal: as drawn; its place is of the tasks `lead` and `wait`.
+        goal: as drawn; its place is of the tasks `go`, `lead` and `wait`.
         humans: of `people`, in order.
+        furniture: of the scene.
         robot: at its start.
 
     Raises:
         SceneError: the robot starts near a person that it has to meet.
     """
     settings = config.goal
+    if settings.object is not None:
+        pieces = (piece for piece in furniture if piece.type == settings.object)
+        nearest = min(pieces, key=lambda piece: length(piece.pose.x - goal.x, piece.pose.y - goal.y))
+        goal = replace(goal, object=nearest.id)
     if settings.person is None:
         return goal
     human = humans[settings.person - 1]
@@ -137,7 +160,12 @@ def _free_space(config: ScenarioConfig, layout: Layout, barriers: Barriers) -> F
 
 
 def _drawn_task(
-    config: ScenarioConfig, layout: Layout, space: FreeSpace, rng: RandomStream, name: str
+    config: ScenarioConfig,
+    layout: Layout,
+    space: FreeSpace,
+    rng: RandomStream,
+    name: str,
+    pieces: Sequence[Furniture] = (),
 ) -> tuple[Robot, Goal]:
     """Draw what is not given of a start and a goal.
 
@@ -145,13 +173,15 @@ def _drawn_task(
         config, layout, rng: as of `draw_robot_task`.
         space: see `_free_space`.
         name: of the robot in messages.
+        pieces: of furniture, beside one of which a drawn goal is; none: anywhere.
     """
     paths, sample_point = path_segments(config.people), layout.sample_point
     pose, position = config.robot.pose, config.goal.position
     chosen = None
     for attempt in range(config.max_attempts):
         start = Pose(*(pose or (*sample_point(rng, config.robot.area), rng.uniform(-PI, PI)))).rounded()
-        goal = Pose(*(position or sample_point(rng, config.goal.area))).rounded()
+        drawn = _beside(rng.choice(list(pieces)), config, rng) if pieces else None
+        goal = Pose(*(position or drawn or sample_point(rng, config.goal.area))).rounded()
         if _is_feasible(config, layout, space, paths, start, goal):
             is_clear = not _is_in_the_way(config, paths, start)
             if is_clear or chosen is None:

@@ -194,6 +194,28 @@ def test_wrong_tasks_are_refused(goal: dict[str, Any], message: str) -> None:
         s2.ScenarioConfig(**HALL, goal=goal)
 
 
+def test_goals_are_beside_an_object_of_a_type(tmp_path: Path) -> None:
+    config = s2.ScenarioConfig(tables=2, plants=2, at_laptop=1, drop=True, goal={"object": "laptop"})
+    for episode in range(12):
+        scene = s2.generate(config, 3, episode)
+        laptops = {piece.id: piece for piece in scene.furniture if piece.type == "laptop"}
+        assert scene.goal.object in laptops
+        apart = {id: np.hypot(*np.subtract(p.pose.position, scene.goal.position)) for id, p in laptops.items()}
+        assert min(apart, key=lambda id: apart[id]) == scene.goal.object
+        assert apart[scene.goal.object] < 2.5
+        found = instruction(scene)
+        assert found.text.startswith(f"Go to laptop {scene.goal.object}")
+        assert found.slots["destination"] == [scene.goal.object]
+    path = tmp_path / "a.json"
+    s2.Episode(scene, s2.SocialPlanner(), observers=[s2.JsonRecorder(path)]).run()
+    assert s2.read_episode(path).scene().goal == scene.goal
+    assert verify(path, replay=True) == []
+    with pytest.raises(SceneError, match="the goal is beside a sofa, and the scene has no furniture"):
+        scene_of({"object": "sofa"})
+    with pytest.raises(ConfigError, match="the goal is beside an object, or at a position or in an area"):
+        scene_of({"object": "sofa", "position": [1, 1]})
+
+
 def test_tasks_that_no_scene_can_have_are_refused() -> None:
     with pytest.raises(ConfigError, match=r"person 1 walks nowhere; give goals, at the last of which the task ends"):
         s2.ScenarioConfig(**(HALL | {"people": [{"x": 0, "y": 0}]}), goal=TASKS["follow"])
@@ -201,5 +223,5 @@ def test_tasks_that_no_scene_can_have_are_refused() -> None:
         scene_of({"position": [0, 2], "then": [[20, 0]]})
     with pytest.raises(SceneError, match=r"the robot starts within 3 m of person 1, whom it is to meet"):
         scene_of(TASKS["meet"] | {"near": 3})
-    with pytest.raises(ConfigError, match=r"tasks and further places are of the first robot"):
+    with pytest.raises(ConfigError, match=r"tasks, further places and objects are of the first robot"):
         s2.ScenarioConfig(**HALL, robots=[{"goal": {"then": [[1, 1]]}}])

@@ -95,6 +95,8 @@ def instruction(scene: Scene) -> Instruction:
         if human.behaviour == "standing" and human.is_always_present and human.id not in engaged
     ]
     distance, id = min(near, default=(math.inf, 0))
+    if scene.goal.object is not None:
+        distance, id = 0.0, scene.goal.object
     if distance < _NEAR_GOAL and scene.goal.task not in AT_PERSON and "goal" not in scene.unmeasured:
         slots["destination"] = [id]
         place = name_of(scene, id)

@@ -291,8 +291,8 @@ class ScenarioConfig(Settings):
                 message = f"person {self.goal.person} walks nowhere; give goals, at the last of which the task ends"
                 raise setting_error(message, "people", self.goal.person - 1, "goals")
         for k, other in enumerate(self.robots):
-            if other.goal.task != "go" or other.goal.then:
-                raise setting_error("tasks and further places are of the first robot", "robots", k, "goal", "task")
+            if other.goal.task != "go" or other.goal.then or other.goal.object:
+                raise setting_error("tasks, further places and objects are of the first robot", "robots", k, "goal")
             self._check_task(other, other.goal, ("robots", k))
         return self
 

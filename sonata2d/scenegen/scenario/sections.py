@@ -447,9 +447,10 @@ class GoalConfig(Settings):
         person: number of the person in `people`, from 1; of one that is followed or accompanied, `goals` are given.
         near: largest distance between the centres of robot and person at which they are near each other, m.
         then: further places of the task `go`, in order, m.
+        object: type of furniture, beside a piece of which the goal is drawn.
     """
 
-    _optional = frozenset({"area", "task", "person", "near", "then"})
+    _optional = frozenset({"area", "task", "person", "near", "then", "object"})
 
     distance: Positive = 0.40
     angle: Positive = 3.1416
@@ -462,6 +463,7 @@ class GoalConfig(Settings):
     person: PositiveInt | None = None
     near: Positive = 2.0
     then: tuple[Point, ...] = ()
+    object: Annotated[str, Field(min_length=1, max_length=MAX_NAME)] | None = None
 
     @model_validator(mode="after")
     def _check_task(self) -> Self:
@@ -470,8 +472,11 @@ class GoalConfig(Settings):
             raise setting_error("person is of other tasks than go" if self.task == "go" else message, "person")
         if self.task != "go" and self.then:
             raise setting_error(f"further places are of the task go, not of {self.task!r}", "then")
-        if self.task in AT_PERSON and (self.position is not None or self.area is not None):
+        places = [place for place in (self.position, self.area, self.object) if place is not None]
+        if self.task in AT_PERSON and places:
             raise setting_error(f"the goal of the task {self.task!r} is at the person; omit the place", "task")
+        if self.object is not None and len(places) > 1:
+            raise setting_error("the goal is beside an object, or at a position or in an area", "object")
         return self
 
 
