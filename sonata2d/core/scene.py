@@ -251,6 +251,10 @@ class Scene(FloatFields, Drawable):
             self._with_goals[goal] = self._changed(_OF_ROBOTS, goal=goal)
         return self._with_goals[goal]
 
+    def differs_in_goal_only(self, other: Scene) -> bool:
+        """Whether another scene is this one with another goal, see `with_goal`."""
+        return self.walls is other.walls and self.humans is other.humans and self.robot is other.robot
+
     @cached_property
     def _with_goals(self) -> dict[Goal, Scene]:
         return {}

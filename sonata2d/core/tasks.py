@@ -17,7 +17,7 @@ AT_PERSON = frozenset({"meet", "follow", "accompany"})
 """Tasks whose goal moves with the person."""
 
 _CELL = 0.25  # m; goals that move are on a grid of this size, so that planners do not plan anew in each tick
-_BESIDE = 0.9  # m, from the person to the goal of a robot that accompanies it
+BESIDE = 0.9  # m, from the person to the goal of a robot that accompanies it
 ARRIVED = 0.6  # m, within which a person has come to the end of its way
 
 
@@ -67,7 +67,7 @@ def is_done(snapshot: Snapshot) -> bool:
 
 
 def _present_goal(snapshot: Snapshot, stage: int) -> Goal:
-    """The goal at the tick of a snapshot; of a person who is absent, the one at its start."""
+    """The goal at the tick of a snapshot; while the person is absent, the place of the robot, which so stays there."""
     scene, goal = snapshot.scene, snapshot.scene.goal
     if goal.then:
         x, y = (goal.position, *goal.then)[stage]
@@ -75,11 +75,12 @@ def _present_goal(snapshot: Snapshot, stage: int) -> Goal:
         return replace(goal, x=x, y=y, then=left, angle=ANY_HEADING if left else goal.angle)
     person = _person(snapshot)
     if person is None:
-        return goal
+        x, y = map(_on_grid, snapshot.robot.position)
+        return replace(goal, x=x, y=y)
     x, y = quantised(float(person[X])), quantised(float(person[Y]))
     if goal.task != "accompany":
         return replace(goal, x=_on_grid(x), y=_on_grid(y))
-    robot, aside = snapshot.robot.position, (-float(person[BODY_Y]) * _BESIDE, float(person[BODY_X]) * _BESIDE)
+    robot, aside = snapshot.robot.position, (-float(person[BODY_Y]) * BESIDE, float(person[BODY_X]) * BESIDE)
     places = [(x + sign * aside[0], y + sign * aside[1]) for sign in (1.0, -1.0)]
     is_free = scene.is_on_floor(np.array(places))
     places = [place for place, free in zip(places, is_free.tolist(), strict=True) if free] or [(x, y)]
@@ -95,7 +96,7 @@ def _person(snapshot: Snapshot) -> Array | None:
 
 
 def _on_grid(value: float) -> float:
-    return quantised(round(value / _CELL) * _CELL)
+    return quantised(round(quantised(value) / _CELL) * _CELL)
 
 
 def _distance(a: Point, b: Point) -> float:

@@ -322,7 +322,7 @@ class SocialNavEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
 
     def observe(self, snapshot: Snapshot) -> Observation:
         """The observation of a snapshot, which becomes the present one; for wrappers and policies."""
-        if self._current is None or self._current.scene is not snapshot.scene:
+        if self._current is None or not self._current.scene.differs_in_goal_only(snapshot.scene):
             self.encoder.reset(snapshot.scene)
         self._current = self._pictured = snapshot
         return self.encoder.encode(snapshot)

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 from ..core.compiled.kernel import kernel
 from ..core.compiled.scalar import length
+from ..core.entities import Goal
 from ..core.floats import FloatFields
 from ..core.humans import X, Y
 from ..core.portable_math import Array
@@ -29,9 +30,9 @@ class Reward(Protocol):
     def __call__(self, before: Snapshot, after: Snapshot, outcome: Outcome | None, /) -> float: ...
 
 
-def goal_distance(snapshot: Snapshot) -> float:
-    """Distance between the robot's centre and the goal, m."""
-    row, goal = snapshot.state.row, snapshot.scene.goal
+def goal_distance(snapshot: Snapshot, goal: Goal | None = None) -> float:
+    """Distance between the robot's centre and a goal, by default that of the tick, m."""
+    row, goal = snapshot.state.row, goal or snapshot.goal
     return length(goal.x - float(row[X]), goal.y - float(row[Y]))
 
 
@@ -55,7 +56,8 @@ class BuiltIn(FloatFields):
         raise NotImplementedError
 
     def __call__(self, before: Snapshot, after: Snapshot, outcome: Outcome | None) -> float:
-        progress, status = goal_distance(before) - goal_distance(after), None if outcome is None else outcome.status
+        progress = goal_distance(before) - goal_distance(after, before.goal)  # to the goal before the step
+        status = None if outcome is None else outcome.status
         return self.of(progress, human_clearance(after), bool(after.contacts), status, after.dt)
 
 

@@ -17,6 +17,7 @@ from ..core.navigation import FreeSpace
 from ..core.portable_math import Array
 from ..core.scene import Scene
 from ..core.vectors import lengths
+from ..errors import SceneError
 from ..record.recorder import EpisodeRecorder
 from ..sim.episode import Episode
 from .measurement import measure
@@ -86,9 +87,14 @@ def difficulty(scene: Scene) -> Difficulty:
     People with goals walk straight to them; of those who wander, which may go anywhere, a number is encountered as
     particles of a gas are: their density times the area that the robot and the person sweep.
 
+    Raises:
+        SceneError: the goal moves, so that its way is not known at the start.
+
     Source: width of passages and tortuosity are among the measures of Perille et al., Benchmarking Metric Ground
     Navigation, IEEE SSRR 2020; the other parts are ours, and the weights are fitted to the expert.
     """
+    if scene.goal.moves:
+        raise SceneError(f"difficulty is defined for one goal, and that of {scene.title} moves ({scene.goal.task})")
     radius, speed = scene.robot.outline.inradius, scene.robot.top_speed
     start, goal = scene.robot.pose.position, scene.goal.position
     space = FreeSpace(scene.outline, scene.robot_barriers, radius + _MARGIN, scene.standing_humans)

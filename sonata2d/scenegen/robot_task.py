@@ -234,7 +234,15 @@ def _check_given(config: ScenarioConfig, layout: Layout, space: FreeSpace, robot
 def _is_feasible(
     config: ScenarioConfig, layout: Layout, space: FreeSpace, paths: Barriers, start: Pose, goal: Pose
 ) -> bool:
-    """Return whether start and goal are far enough from each other, suitable, and connected by a path."""
+    """Return whether start and goal are far enough from each other, suitable, and connected by a path.
+
+    A goal at a person is not drawn: only the start counts.
+    """
+    if config.goal.task in AT_PERSON:
+        is_drawn = config.robot.pose is None
+        return not (is_drawn and not _is_suitable(config, layout, paths, config.robot.outline, start)) and (
+            _closed_area(config, start.position) is None and space.is_free_at(start.position)
+        )
     dx, dy = goal.x - start.x, goal.y - start.y
     # `min_distance` is a rule for drawn positions: two given ones must only not coincide
     both_given = config.robot.pose is not None and config.goal.position is not None

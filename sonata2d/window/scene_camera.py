@@ -58,8 +58,7 @@ class SceneCamera:
 
     def draw_picture(self, surface: pygame.Surface, snapshot: Snapshot, trails: Trails | None = None) -> Camera:
         """Fill a surface with the world; returns the camera of the picture."""
-        # the scene of another tick may differ in its goal only
-        if self._painter is None or self._scene is None or self._scene.walls is not snapshot.scene.walls:
+        if self._painter is None or self._scene is None or not self._scene.differs_in_goal_only(snapshot.scene):
             self._scene, self._painter = snapshot.scene, Painter(snapshot.scene)
         layers = Layers(caption=False, zones=self.zones)
         return self._painter.draw(surface, snapshot, view=self.view, layers=layers, zoom=self.zoom, trails=trails)

@@ -22,6 +22,7 @@ from sonata2d.gym import SocialNavEnv
 from sonata2d.learning.graph import modern_graph
 from sonata2d.metrics import Trajectory
 from sonata2d.metrics.catalogue import METRICS
+from sonata2d.metrics.scene_difficulty import difficulty
 from sonata2d.view.stills import picture
 
 HALL: dict[str, Any] = {
@@ -115,6 +116,50 @@ def test_a_person_who_is_led_or_awaited_has_to_be_near() -> None:
     assert METRICS["company"].function(Trajectory(alone)) == 0.0
 
 
+def test_the_robot_stays_where_it_is_until_the_person_comes() -> None:
+    record = run(scene_of(TASKS["follow"], people=[HALL["people"][0] | {"enters": 3.0}]))
+    assert record.outcome.status == "goal"
+    assert not record.states.present[20, 0]
+    assert np.hypot(*(record.states.robot[20, :2] - record.states.robot[0, :2])) < 0.1
+    assert story(record)[0] == "Person 1 is not there at the start."
+
+
+def test_a_person_is_met_in_a_room_too_small_for_a_drawn_goal() -> None:
+    room = {"polygon": [[-1.2, -1], [1.2, -1], [1.2, 1], [-1.2, 1]]}
+    changes = {"room": room, "robot": {"pose": [-0.5, -0.2, 0]}, "people": [{"x": 0.7, "y": 0.5}]}
+    assert scene_of({"task": "meet", "person": 1, "near": 0.9}, **changes).goal.position == (0.7, 0.5)
+
+
+def test_rewards_count_progress_to_the_goal_before_the_step() -> None:
+    env = SocialNavEnv(s2.ScenarioConfig(**(HALL | {"people": []}), goal={"position": [-3, 0], "then": [[-3, 3]]}))
+    env.reset(seed=1)
+    rewards = []
+    while env.unwrapped.snapshot.goal.then:
+        action = np.zeros(env.action_space.shape[0], dtype=np.float32)
+        action[0] = 1.0
+        rewards.append(float(env.step(action)[1]))
+    assert min(rewards[5:]) > 0.0, "a place that is reached is no step back"
+
+
+def test_observations_of_a_record_begin_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    env = SocialNavEnv(s2.ScenarioConfig(**HALL, goal=TASKS["follow"]))
+    env.reset(seed=1)
+    record, resets = run(env.unwrapped.scene), []
+    begin = type(env.encoder).reset
+    monkeypatch.setattr(type(env.encoder), "reset", lambda self, scene: (resets.append(scene), begin(self, scene)))
+    for snapshot in record.snapshots():
+        observation = env.observe(snapshot)
+        assert observation["goal"][:2].tolist() == pytest.approx(
+            snapshot.robot.pose.to_local(snapshot.goal.position), abs=1e-4
+        )
+    assert len(resets) == 1
+
+
+def test_difficulty_is_not_defined_for_a_goal_that_moves() -> None:
+    with pytest.raises(SceneError, match=r"difficulty is defined for one goal, and that of .* moves"):
+        difficulty(scene_of(TASKS["then"]))
+
+
 def test_environments_show_the_goal_of_the_tick() -> None:
     config = s2.ScenarioConfig(**HALL, goal=TASKS["follow"])
     env = SocialNavEnv(config)
@@ -141,11 +186,11 @@ def test_mirror_images_of_tasks_have_their_places_mirrored(tmp_path: Path) -> No
 
 def test_formats_with_one_goal_refuse_a_goal_that_moves() -> None:
     record = run(scene_of(TASKS["follow"]))
-    with pytest.raises(UnsuitableEpisode, match="the robot has the task 'follow', and socnav3 has one position only"):
+    with pytest.raises(UnsuitableEpisode, match=r"the robot has the task 'follow', and socnav3 has one position only"):
         to_socnav3(record, Options())
     with pytest.raises(RecordError, match="graphs have one goal, and that of the task 'follow' moves"):
         modern_graph(record, 3)
-    with pytest.raises(ControllerError, match="Dwa drives to one position, and the goal of this scene moves"):
+    with pytest.raises(ControllerError, match=r"Dwa drives to one position, and the goal of this scene moves"):
         run(record.scene(), Dwa())
 
 
@@ -187,6 +232,13 @@ def test_pictures_show_the_goal_of_the_tick() -> None:
         ({"task": "meet", "person": 1, "position": [1, 1]}, r"the goal of the task 'meet' is at the person; omit"),
         ({"task": "wait", "person": 1, "then": [[1, 1]]}, r"further places are of the task go, not of 'wait'"),
         ({"task": "chase", "person": 1}, r"goal\.task"),
+        ({"near": 3}, r"goal\.near: near has no effect on the task 'go'; omit it"),
+        ({"task": "meet", "person": 1, "theta": 1.0}, r"goal\.theta: theta has no effect on the task 'meet'; omit it"),
+        (
+            {"task": "meet", "person": 1, "near": 0.2},
+            r"goal\.near: near is 0\.5 m or more, from centre",
+        ),
+        ({"task": "accompany", "person": 1, "near": 1}, r"goal\.near: near is 1\.2 m or more"),
     ],
 )
 def test_wrong_tasks_are_refused(goal: dict[str, Any], message: str) -> None:
@@ -219,6 +271,15 @@ def test_goals_are_beside_an_object_of_a_type(tmp_path: Path) -> None:
 def test_tasks_that_no_scene_can_have_are_refused() -> None:
     with pytest.raises(ConfigError, match=r"person 1 walks nowhere; give goals, at the last of which the task ends"):
         s2.ScenarioConfig(**(HALL | {"people": [{"x": 0, "y": 0}]}), goal=TASKS["follow"])
+    for change, message in (
+        ({"exits": True}, "person 1 leaves the scene, and the task ends where it stays"),
+        ({"leaves": 5}, "person 1 leaves the scene"),
+        ({"goals": [[4, 2], [-4, 0.5]]}, r"the way of person 1 comes within 1\.2 m of its end.*; move a goal"),
+        ({"goals": [[4, 0], [-4, 3], [0, 0.5]]}, "the way of person 1 comes within"),
+    ):
+        person = HALL["people"][0] | change
+        with pytest.raises(ConfigError, match=message):
+            s2.ScenarioConfig(**(HALL | {"people": [person]}), goal=TASKS["follow"])
     with pytest.raises(SceneError, match=r"the robot cannot be at the further place \(20, 0\) of its goal; move it"):
         scene_of({"position": [0, 2], "then": [[20, 0]]})
     with pytest.raises(SceneError, match=r"the robot starts within 3 m of person 1, whom it is to meet"):

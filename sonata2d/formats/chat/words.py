@@ -219,7 +219,12 @@ def story(record: EpisodeRecord) -> list[str]:
     scene, states = record.scene(), record.states
     dx, dy = np.subtract(scene.goal.position, scene.robot.pose.position).tolist()
     lacks = set(record.document.get("imported", {}).get("lacks", ()))
-    sentences = [] if "goal" in lacks else [f"The robot starts {math.hypot(dx, dy):.1f} m from its goal."]
+    target = f"person {scene.goal.person}" if scene.goal.task in AT_PERSON else "its goal"
+    target = "the first of its goals" if scene.goal.then else target
+    sentences = [] if "goal" in lacks else [f"The robot starts {math.hypot(dx, dy):.1f} m from {target}."]
+    person = scene.goal.person
+    if person is not None and not states.present[0, scene.human_table.row[person]]:
+        sentences = [f"Person {person} is not there at the start."]
     for ids, relation in _groups(scene.interactions):
         single, plural = _VERBS[relation]
         if plural:

@@ -6,8 +6,10 @@ import math
 import warnings
 from collections.abc import Collection
 from inspect import Parameter, Signature, signature
+from itertools import pairwise
 from typing import Annotated, Any, Self
 
+import numpy as np
 from pydantic import (
     AfterValidator,
     ConfigDict,
@@ -21,10 +23,11 @@ from ...core.bounds import Fraction, Positive
 from ...core.entities import Robot
 from ...core.files.limits import MAX_COUNT, MAX_NAME, MAX_ROBOTS
 from ...core.furniture_types import BUILT_IN
-from ...core.geometry import Pose
+from ...core.geometry import Barriers, Pose
 from ...core.humans import MAXIMUM_SPEED_RATIO, RESPONSE_TIME
 from ...core.labels import LabelSpec
 from ...core.scene import Rules
+from ...core.tasks import ARRIVED
 from ...errors import PluginWarning
 from ...registry import FURNITURE_TYPES, did_you_mean, furniture_type, furniture_types
 from .attributes import AttributesConfig
@@ -290,11 +293,28 @@ class ScenarioConfig(Settings):
             if self.goal.task in ("follow", "accompany") and not self.people[self.goal.person - 1].goals:
                 message = f"person {self.goal.person} walks nowhere; give goals, at the last of which the task ends"
                 raise setting_error(message, "people", self.goal.person - 1, "goals")
+            if self.goal.task in ("follow", "accompany"):
+                self._check_way(self.people[self.goal.person - 1], self.goal.person)
         for k, other in enumerate(self.robots):
             if other.goal.task != "go" or other.goal.then or other.goal.object:
                 raise setting_error("tasks, further places and objects are of the first robot", "robots", k, "goal")
             self._check_task(other, other.goal, ("robots", k))
         return self
+
+    def _check_way(self, person: PersonSpec, number: int) -> None:
+        """Check that a person who is followed comes to the end of its way once, and stays there."""
+        path = ("people", number - 1)
+        if person.exits or person.leaves is not None:
+            raise setting_error(f"person {number} leaves the scene, and the task ends where it stays", *path)
+        if person.area is not None:
+            return  # its start is drawn
+        before = (person.start, *person.goals[:-1])
+        way = Barriers.of((a, b, 0.0) for a, b in pairwise((before[0], *before)))
+        if way.gaps(np.array([person.goals[-1]])).min() <= 2.0 * ARRIVED:
+            message = (
+                f"the way of person {number} comes within {2.0 * ARRIVED:g} m of its end before, where the task ends"
+            )
+            raise setting_error(f"{message}; move a goal", *path, "goals")
 
     def _check_task(self, robot: RobotConfig, goal: GoalConfig, place: tuple[str | int, ...]) -> None:
         """Check a robot and its goal; `place` is that of the settings of another robot."""

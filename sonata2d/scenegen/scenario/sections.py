@@ -24,7 +24,7 @@ from ...core.files.limits import MAX_NAME
 from ...core.geometry import Disc, Point, Polygon, Rectangle, Shape, canonical_angle, quantised
 from ...core.labels import LabelSpec
 from ...core.scene import Rules, Social
-from ...core.tasks import AT_PERSON
+from ...core.tasks import AT_PERSON, BESIDE
 from ...core.wording import shown
 from ...registry import CONTROLLERS, DRIVES, PEDESTRIAN_MODELS, PERSON_KINDS, did_you_mean, drive_class
 from .attributes import GivenAttributes
@@ -470,6 +470,14 @@ class GoalConfig(Settings):
         if (self.task == "go") != (self.person is None):
             message = f"the task {self.task!r} is about a person; give its number in people"
             raise setting_error("person is of other tasks than go" if self.task == "go" else message, "person")
+        least = 0.5 if self.task != "accompany" else BESIDE + 0.3
+        if self.near < least:
+            raise setting_error(f"near is {least:g} m or more, from centre to centre, for {self.task}", "near")
+        idle = ["near"] if self.task == "go" else []
+        idle += ["theta", "angle", "jitter", "min_distance"] if self.task in AT_PERSON else []
+        for key in idle:
+            if getattr(self, key) != type(self).model_fields[key].default:
+                raise setting_error(f"{key} has no effect on the task {self.task!r}; omit it", key)
         if self.task != "go" and self.then:
             raise setting_error(f"further places are of the task go, not of {self.task!r}", "then")
         places = [place for place in (self.position, self.area, self.object) if place is not None]
