@@ -21,7 +21,7 @@ from dataclasses import is_dataclass
 from difflib import get_close_matches
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any
+from typing import Any, TypeVar
 
 from .core.code_hash import code_sha256
 from .core.files import interruption
@@ -43,6 +43,9 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     """
     close = get_close_matches(word, known, n=1)
     return f"; did you mean {close[0]!r}?" if close else ""
+
+
+_N = TypeVar("_N", FurnitureType, PersonKind)
 
 
 class Registry:
@@ -334,14 +337,7 @@ def furniture_type(name: str) -> FurnitureType:
     Raises:
         ConfigError: the plug-in does not load, or its type has another name.
     """
-    if name not in FURNITURE_TYPES:
-        return FurnitureType(name)
-    kind: FurnitureType = FURNITURE_TYPES.load(
-        name, lambda item: None if isinstance(item, FurnitureType) else "is not a sonata2d.FurnitureType(...)"
-    )
-    if kind.name != name:
-        raise ConfigError(f"furniture type {name!r} is named {kind.name!r}; give the entry point the same name")
-    return kind
+    return _named(FURNITURE_TYPES, FurnitureType, name) if name in FURNITURE_TYPES else FurnitureType(name)
 
 
 def person_kind(name: str) -> PersonKind:
@@ -353,14 +349,21 @@ def person_kind(name: str) -> PersonKind:
     Raises:
         ConfigError: the plug-in does not load, or its kind has another name.
     """
-    if name not in PERSON_KINDS:
-        return PersonKind(name)
-    kind: PersonKind = PERSON_KINDS.load(
-        name, lambda item: None if isinstance(item, PersonKind) else "is not a sonata2d.PersonKind(...)"
+    return _named(PERSON_KINDS, PersonKind, name) if name in PERSON_KINDS else PersonKind(name)
+
+
+def _named(registry: Registry, kind: type[_N], name: str) -> _N:
+    """Load an object that knows its name.
+
+    Raises:
+        ConfigError: the plug-in does not load, or its object is of another class or has another name.
+    """
+    found: _N = registry.load(
+        name, lambda item: None if isinstance(item, kind) else f"is not a sonata2d.{kind.__name__}(...)"
     )
-    if kind.name != name:
-        raise ConfigError(f"person kind {name!r} is named {kind.name!r}; give the entry point the same name")
-    return kind
+    if found.name != name:
+        raise ConfigError(f"{registry.kind} {name!r} is named {found.name!r}; give the entry point the same name")
+    return found
 
 
 def furniture_types() -> dict[str, FurnitureType]:

@@ -27,7 +27,7 @@ class AttributeSpec:
         name: unique among the attributes of these holders.
         type: classes: one of `values`; yes_no: true or false; number: any number; text: any text.
         values: names of the classes.
-        value: of the episode; None of the others, whose values are at the people, objects and areas.
+        value: of an attribute of the episode; None for people, objects and areas, which hold their own values.
     """
 
     of: Holder

@@ -19,6 +19,7 @@ Behaviour = Literal["standing", "wandering", "walking", "recorded"]
 Reaction = Literal["ignores", "avoids", "stops", "curious", "scared"]
 EndsOn = Literal["goal", "time", "contact"]
 RobotTask = Literal["go", "meet", "follow", "accompany", "lead", "wait"]
+AT_PERSON = frozenset({"meet", "follow", "accompany"})  # tasks whose goal moves with the person
 Formation = Literal["abreast", "v", "face_to_face", "l", "side_by_side", "circle", "semicircle"]
 
 ROBOT_ID = 0
@@ -171,7 +172,7 @@ class Area:
         name: unique among areas.
         polygon: corners in order, m, world frame.
         no_go: whether robots must stay outside, with their whole outlines.
-        speed_limit: of a robot whose centre is in the area, m/s; None: the one of its drive.
+        speed_limit: highest speed of a robot whose centre is in the area, m/s; None: only its drive limits it.
         one_way: heading, rad, world frame, of the only direction, up to a right angle, in which the centre of a robot
             may move in the area; None: every direction.
         attributes: values by name, see `Scene.attributes`; None: there are none.
@@ -428,7 +429,7 @@ class Goal:
         angle: largest heading error at which the goal counts as reached, rad; 3.1416: any heading. Of several places,
             it holds at the last.
         task: what the robot does.
-        person: id of the person whom the task is about; None for `go`.
+        person: id of the person to meet, follow, accompany, lead or wait for; None for `go`.
         near: largest distance between the centres of robot and person at which they are near each other, m.
         then: further places of the task `go`, in order, m.
         object: id of the object that the position is beside; None: any position.
@@ -448,7 +449,7 @@ class Goal:
     @property
     def moves(self) -> bool:
         """Whether the goal is at other places in later ticks."""
-        return bool(self.then) or self.task in ("meet", "follow", "accompany")
+        return bool(self.then) or self.task in AT_PERSON
 
     @property
     def is_plain(self) -> bool:

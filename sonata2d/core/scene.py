@@ -238,9 +238,8 @@ class Scene(FloatFields, Drawable):
             others = [OtherRobot(self.robot_id, self.robot, self.goal), *(o for o in self.robots if o is not own)]
             others.sort(key=lambda other: other.id)
             values = {"robot": own.robot, "goal": own.goal, "robots": tuple(others), "robot_id": own.id}
-            self._views[robot_id] = self._changed(
-                ["with_robots_as_people", "_with_goals"], **values
-            )  # the views are shared
+            computed = ["with_robots_as_people", "_with_goals"]  # not `_views`, which the views share
+            self._views[robot_id] = self._changed(computed, **values)
         return self._views[robot_id]
 
     def with_goal(self, goal: Goal) -> Scene:

@@ -7,14 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from .entities import ANY_HEADING, Goal
+from .entities import ANY_HEADING, Goal, Human
 from .geometry import Point, quantised
 from .humans import BODY_X, BODY_Y, X, Y
 from .portable_math import Array
 from .snapshot import Snapshot
-
-AT_PERSON = frozenset({"meet", "follow", "accompany"})
-"""Tasks whose goal moves with the person."""
 
 _CELL = 0.25  # m; goals that move are on a grid of this size, so that planners do not plan anew in each tick
 BESIDE = 0.9  # m, from the person to the goal of a robot that accompanies it
@@ -39,12 +36,10 @@ def set_present_goal(snapshot: Snapshot, stage: int) -> None:
     """Give a new snapshot the scene with the goal of its tick.
 
     Args:
-        snapshot: of the scene as generated; is changed.
+        snapshot: of the scene as generated, whose goal moves; is changed.
         stage: see `next_stage`.
     """
-    scene = snapshot.scene
-    if scene.goal.moves:
-        object.__setattr__(snapshot, "scene", scene.with_goal(_present_goal(snapshot, stage)))
+    object.__setattr__(snapshot, "scene", snapshot.scene.with_goal(_present_goal(snapshot, stage)))
 
 
 def is_done(snapshot: Snapshot) -> bool:
@@ -52,7 +47,7 @@ def is_done(snapshot: Snapshot) -> bool:
     goal = snapshot.goal
     if goal.person is None:
         return not goal.then and goal.is_reached(snapshot.robot.pose)
-    person = _person(snapshot)
+    human, person = _person(snapshot, goal.person)
     if person is None:
         return False
     place = float(person[X]), float(person[Y])
@@ -62,7 +57,6 @@ def is_done(snapshot: Snapshot) -> bool:
         return goal.is_reached(snapshot.robot.pose)
     if goal.task == "meet":
         return True
-    human = next(human for human in snapshot.scene.humans if human.id == goal.person)
     return _distance(place, human.goals[-1]) <= ARRIVED
 
 
@@ -73,7 +67,8 @@ def _present_goal(snapshot: Snapshot, stage: int) -> Goal:
         x, y = (goal.position, *goal.then)[stage]
         left = goal.then[stage:]
         return replace(goal, x=x, y=y, then=left, angle=ANY_HEADING if left else goal.angle)
-    person = _person(snapshot)
+    assert goal.person is not None
+    _, person = _person(snapshot, goal.person)
     if person is None:
         x, y = map(_on_grid, snapshot.robot.position)
         return replace(goal, x=x, y=y)
@@ -88,11 +83,11 @@ def _present_goal(snapshot: Snapshot, stage: int) -> Goal:
     return replace(goal, x=_on_grid(best[0]), y=_on_grid(best[1]))
 
 
-def _person(snapshot: Snapshot) -> Array | None:
-    """The person of the task as a row of `State.humans`; None: it is absent."""
-    k = int(np.flatnonzero(snapshot.scene.human_table.id == snapshot.scene.goal.person)[0])
-    state = snapshot.state
-    return state.humans[k] if state.is_present is None or state.is_present[k] else None
+def _person(snapshot: Snapshot, id: int) -> tuple[Human, Array | None]:
+    """A person of the scene, and its row of `State.humans`; None: it is absent."""
+    scene, state = snapshot.scene, snapshot.state
+    k = scene.human_table.row[id]
+    return scene.humans[k], state.humans[k] if state.is_present is None or state.is_present[k] else None
 
 
 def _on_grid(value: float) -> float:

@@ -348,29 +348,21 @@ class AreaRules(SnapshotPart):
 
     def fill(self, snapshot: Snapshot, rows: Rows, out: NDArray[Any]) -> None:
         pose = snapshot.robot.pose
-        centre, nearest = np.array([pose.position]), {"no_go": FARTHEST, "limited": FARTHEST}
-        out[self._at("no_go_distance", "limited_distance")] = FARTHEST
-        out[self._at("limited_speed", "speed_limit")] = FASTEST
+        centre, none = np.array([pose.position]), (0.0, 0.0, FARTHEST)
+        no_go, limited, limited_speed, speed_limit, way = none, none, FASTEST, FASTEST, (0.0, 0.0)
         for area, edges in self._areas:
             is_inside = bool(inside_rings(centre, area.polygon, ())[0])
             dx, dy = (0.0, 0.0) if is_inside else _nearest(*edges.towards(centre))
-            distance = math.sqrt(dx * dx + dy * dy)
-            if area.no_go and distance < nearest["no_go"]:
-                nearest["no_go"] = distance
-                out[self._at("no_go_x", "no_go_y")] = pose.to_local((pose.x + dx, pose.y + dy))
-                out[self._at("no_go_distance")] = distance
-            if area.speed_limit is not None:
-                if distance < nearest["limited"]:
-                    nearest["limited"] = distance
-                    out[self._at("limited_x", "limited_y")] = pose.to_local((pose.x + dx, pose.y + dy))
-                    out[self._at("limited_distance", "limited_speed")] = distance, area.speed_limit
-                if is_inside:
-                    out[self._at("speed_limit")] = min(area.speed_limit, float(out[self._at("speed_limit")][0]))
+            place = (*pose.to_local((pose.x + dx, pose.y + dy)), math.sqrt(dx * dx + dy * dy))
+            if area.no_go and place[2] < no_go[2]:
+                no_go = place
+            if area.speed_limit is not None and place[2] < limited[2]:
+                limited, limited_speed = place, area.speed_limit
+            if area.speed_limit is not None and is_inside:
+                speed_limit = min(speed_limit, area.speed_limit)
             if area.one_way is not None and is_inside:
-                out[self._at("way_cos", "way_sin")] = unit_vector(area.one_way - pose.theta)
-
-    def _at(self, *names: str) -> list[int]:
-        return list(places(type(self), *names))
+                way = unit_vector(area.one_way - pose.theta)
+        out[:] = (*no_go, *limited, limited_speed, speed_limit, *way)
 
 
 def _nearest(x: Array, y: Array) -> tuple[float, float]:

@@ -136,7 +136,7 @@ def company(trajectory: Trajectory) -> float | None:
     goal = trajectory.scene.goal
     if goal.person is None:
         return None
-    k = int(np.flatnonzero(trajectory.scene.human_table.id == goal.person)[0])
+    k = trajectory.scene.human_table.row[goal.person]
     person = trajectory.record.states.humans[: len(trajectory), k, :2]
     return float((lengths(person - trajectory.position) <= goal.near).mean())
 

@@ -9,13 +9,12 @@ from dataclasses import asdict, replace
 import numpy as np
 
 from ..core.compiled.scalar import length
-from ..core.entities import Furniture, Goal, Human, Limits, OtherRobot, Robot
+from ..core.entities import AT_PERSON, Furniture, Goal, Human, Limits, OtherRobot, Robot
 from ..core.geometry import Barriers, Disc, Point, Pose, Shape, inside_polygon, inside_rings, quantised
 from ..core.navigation import FreeSpace
 from ..core.outlines import shape_gap
 from ..core.portable_math import PI, unit_vector
 from ..core.rng import RandomStream
-from ..core.tasks import AT_PERSON
 from ..errors import SceneError
 from .placement import Layout, PlacedShape
 from .scenario.config import ScenarioConfig
@@ -239,9 +238,10 @@ def _is_feasible(
     A goal at a person is not drawn: only the start counts.
     """
     if config.goal.task in AT_PERSON:
-        is_drawn = config.robot.pose is None
-        return not (is_drawn and not _is_suitable(config, layout, paths, config.robot.outline, start)) and (
-            _closed_area(config, start.position) is None and space.is_free_at(start.position)
+        return (
+            _closed_area(config, start.position) is None
+            and space.is_free_at(start.position)
+            and (config.robot.pose is not None or _is_suitable(config, layout, paths, config.robot.outline, start))
         )
     dx, dy = goal.x - start.x, goal.y - start.y
     # `min_distance` is a rule for drawn positions: two given ones must only not coincide
@@ -263,8 +263,8 @@ def _is_feasible(
 
 def _closed_area(config: ScenarioConfig, point: Point) -> str | None:
     """Name of the no-go area that a point is in; its edges are barriers, but may coincide with those of the room."""
-    place = np.array([point], dtype=float)
-    return next((a.name for a in config.areas if a.no_go and inside_rings(place, a.corners, ())[0]), None)
+    closed = (area for area in config.areas if area.no_go)
+    return next((area.name for area in closed if inside_rings(np.array([point]), area.corners, ())[0]), None)
 
 
 def _is_in_the_way(config: ScenarioConfig, paths: Barriers, start: Pose) -> bool:

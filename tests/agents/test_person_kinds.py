@@ -24,6 +24,7 @@ from sonata2d.gym.env import SocialNavEnv
 from sonata2d.registry import PERSON_KINDS, person_kind
 from sonata2d.sim.world import World
 from sonata2d.view.stills import picture, snapshot_of
+from tests.running import record_of
 
 EMPTY: dict[str, Any] = {"standing": 0, "wandering": 0, "tables": 0, "plants": 0, "relations": 0}
 HALL: dict[str, Any] = {"room": {"polygon": [[-7, -5], [7, -5], [7, 5], [-7, 5]]}}
@@ -33,12 +34,6 @@ ALL = {kind.name: 1.0 for kind in BUILT_IN}
 
 def scene_of(seed: int = 0, **settings: Any) -> s2.Scene:
     return s2.generate(s2.ScenarioConfig.model_validate({**EMPTY, **HALL, **settings}), seed)
-
-
-def record_of(scene: s2.Scene) -> s2.EpisodeRecord:
-    recorder = s2.EpisodeRecorder()
-    s2.Episode(scene, s2.SocialPlanner(), observers=[recorder]).run()
-    return recorder.record()
 
 
 def write(scene: s2.Scene, path: Path) -> None:

@@ -19,6 +19,7 @@ from sonata2d.formats.chat.questions import QUESTIONS, ask
 from sonata2d.formats.chat.recompute import recompute
 from sonata2d.formats.chat.words import instruction, listed, persons, situation, story
 from sonata2d.formats.format import Options
+from tests.running import record_of
 
 WARD: dict[str, Any] = {
     "name": "ward", "standing": 1, "wandering": 4, "tables": 1, "plants": 1, "at_laptop": 1, "relations": 0,
@@ -43,22 +44,18 @@ HALL: dict[str, Any] = {
 
 
 def run(config: s2.ScenarioConfig) -> s2.EpisodeRecord:
-    recorder = s2.EpisodeRecorder()
-    s2.Episode(s2.generate(config, 1), s2.StraightToGoal(), observers=[recorder]).run()
-    return recorder.record()
+    return record_of(s2.generate(config, 1), s2.StraightToGoal())
 
 
 @cache
-def record_of(seed: int) -> s2.EpisodeRecord:
-    recorder = s2.EpisodeRecorder()
-    s2.Episode(s2.generate(s2.ScenarioConfig(**WARD), seed), s2.SocialPlanner(), observers=[recorder]).run()
-    return recorder.record()
+def ward(seed: int) -> s2.EpisodeRecord:
+    return record_of(s2.generate(s2.ScenarioConfig(**WARD), seed))
 
 
 def test_every_answer_is_the_same_when_other_code_computes_it_and_every_kind_is_asked() -> None:
     kinds = set()
     for seed in range(8):
-        record = record_of(seed)
+        record = ward(seed)
         questions = ask(record, 60)
         assert len({question.text for question in questions}) == len(questions)
         for q in questions:
@@ -68,7 +65,7 @@ def test_every_answer_is_the_same_when_other_code_computes_it_and_every_kind_is_
 
 
 def test_a_wrong_answer_is_found() -> None:
-    record = record_of(0)
+    record = ward(0)
     changed = {**record.document, "outcome": record.document["outcome"] | {"status": "timeout"}}
     before = record.document["outcome"]["status"]
     assert before == "goal"
@@ -79,14 +76,14 @@ def test_a_wrong_answer_is_found() -> None:
 
 
 def test_an_episode_has_the_same_questions_each_time() -> None:
-    assert ask(record_of(1), 15) == ask(record_of(1), 15)
-    assert ask(record_of(1), 15) != ask(record_of(2), 15)
-    assert len(ask(record_of(1), 5)) == 5
-    assert ask(record_of(1), 0) == []
+    assert ask(ward(1), 15) == ask(ward(1), 15)
+    assert ask(ward(1), 15) != ask(ward(2), 15)
+    assert len(ask(ward(1), 5)) == 5
+    assert ask(ward(1), 0) == []
 
 
 def test_an_instruction_names_destination_people_areas_and_fragile_things_by_their_ids() -> None:
-    scene = record_of(0).scene()
+    scene = ward(0).scene()
     task = instruction(scene)
     talking = {member for group in scene.groups if group.kind == "talking" for member in group.members}
     assert set(task.slots["undisturbed"]) == talking
@@ -101,7 +98,7 @@ def test_an_instruction_names_destination_people_areas_and_fragile_things_by_the
 
 
 def test_a_situation_describes_everything_in_the_robots_frame() -> None:
-    snapshot = record_of(0).snapshot(20)
+    snapshot = ward(0).snapshot(20)
     text = situation(snapshot)
     for human in snapshot.humans:
         ahead, left = snapshot.robot.pose.to_local(human.pose.position)
@@ -110,7 +107,7 @@ def test_a_situation_describes_everything_in_the_robots_frame() -> None:
 
 
 def test_a_story_tells_start_meetings_and_end() -> None:
-    sentences = story(record_of(0))
+    sentences = story(ward(0))
     assert sentences[0].startswith("The robot starts ")
     assert sentences[-1].startswith("It reaches its goal after ")
     times = [float(line.split()[1]) for line in sentences if line.startswith("At ")]
@@ -122,7 +119,7 @@ def test_a_story_tells_start_meetings_and_end() -> None:
 
 
 def test_the_export_has_a_description_and_questions_with_pictures_on_request(tmp_path: Path) -> None:
-    record = record_of(0)
+    record = ward(0)
     lines = [json.loads(line) for line in export(record, Options(questions=4, pictures=True)).splitlines()]
     assert [line["meta"]["kind"] == "description" for line in lines] == [True, False, False, False]
     assert [message["role"] for message in lines[0]["messages"]] == ["system", "user", "assistant"]
@@ -198,7 +195,7 @@ def test_names_and_values_of_attributes_are_told_apart() -> None:
 
 def test_numbers_in_an_answer_are_in_the_text_of_the_question() -> None:
     for seed in range(4):
-        record = record_of(seed)
+        record = ward(seed)
         for line in map(json.loads, export(record, Options(questions=60)).splitlines()):
             text, answer = line["messages"][1]["content"], line["messages"][2]["content"]
             if line["meta"]["kind"] in ("closest-approach", "arrival", "attribute"):

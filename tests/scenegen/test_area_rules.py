@@ -18,6 +18,7 @@ from sonata2d.gym.parts import AreaRules
 from sonata2d.metrics import Trajectory
 from sonata2d.metrics.catalogue import METRICS
 from sonata2d.view.stills import picture, snapshot_of
+from tests.running import record_of
 
 HALL: dict[str, Any] = {
     "standing": 0, "wandering": 0, "tables": 0, "plants": 0, "relations": 0, "rules": {"time_limit": 60},
@@ -34,9 +35,7 @@ def scene_of(*areas: dict[str, Any], **changes: Any) -> s2.Scene:
 
 
 def run(scene: s2.Scene, controller: s2.Controller) -> Trajectory:
-    recorder = s2.EpisodeRecorder()
-    s2.Episode(scene, controller, observers=[recorder]).run()
-    return Trajectory(recorder.record())
+    return Trajectory(record_of(scene, controller))
 
 
 def value(name: str, trajectory: Trajectory) -> float | None:

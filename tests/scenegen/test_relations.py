@@ -12,6 +12,7 @@ import sonata2d as s2
 from sonata2d.core.relations import ACTIVITIES, RELATION, RELATIONS, activities_with
 from sonata2d.datasets import verify
 from sonata2d.errors import ConfigError
+from tests.running import record_of
 
 EMPTY: dict[str, Any] = {"standing": 0, "wandering": 0, "tables": 0, "plants": 0, "relations": 0}
 HALL: dict[str, Any] = {
@@ -26,12 +27,6 @@ PAIRS = {
 
 def scene_of(seed: int = 0, **settings: Any) -> s2.Scene:
     return s2.generate(s2.ScenarioConfig.model_validate({**EMPTY, **HALL, **settings}), seed)
-
-
-def record_of(scene: s2.Scene) -> s2.EpisodeRecord:
-    recorder = s2.EpisodeRecorder()
-    s2.Episode(scene, s2.SocialPlanner(), observers=[recorder]).run()
-    return recorder.record()
 
 
 @pytest.mark.parametrize("key", PAIRS)

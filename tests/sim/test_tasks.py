@@ -24,6 +24,7 @@ from sonata2d.metrics import Trajectory
 from sonata2d.metrics.catalogue import METRICS
 from sonata2d.metrics.scene_difficulty import difficulty
 from sonata2d.view.stills import picture
+from tests.running import record_of
 
 HALL: dict[str, Any] = {
     "standing": 0, "wandering": 0, "tables": 0, "plants": 0, "relations": 0, "rules": {"time_limit": 60},
@@ -42,12 +43,6 @@ TASKS: dict[str, dict[str, Any]] = {
 
 def scene_of(goal: dict[str, Any], **changes: Any) -> s2.Scene:
     return s2.generate(s2.ScenarioConfig(**(HALL | changes), goal=goal), 1)
-
-
-def run(scene: s2.Scene, controller: s2.Controller | None = None) -> s2.EpisodeRecord:
-    recorder = s2.EpisodeRecorder()
-    s2.Episode(scene, controller or s2.SocialPlanner(), observers=[recorder]).run()
-    return recorder.record()
 
 
 def gaps(record: s2.EpisodeRecord) -> Any:
@@ -73,21 +68,21 @@ def test_controllers_do_each_task(name: str, controller: type[s2.Controller], tm
 
 
 def test_places_are_visited_in_order() -> None:
-    record = run(scene_of(TASKS["then"]))
+    record = record_of(scene_of(TASKS["then"]))
     first = {tuple(place): tick for tick, place in reversed([*enumerate(record.goals[:, :2].tolist())])}
     assert [*sorted(first, key=lambda place: first[place])] == [(0.0, 2.0), (3.0, -2.0), (6.0, 2.0)]
     for tick, place in zip(
         [*sorted(first.values())[1:], len(record)], sorted(first, key=first.__getitem__), strict=True
     ):
         assert np.hypot(*(record.states.robot[tick, :2] - place)) <= 0.4
-    missed = run(scene_of(TASKS["then"] | {"position": [-7.5, -3.5]}, rules={"time_limit": 3}))
+    missed = record_of(scene_of(TASKS["then"] | {"position": [-7.5, -3.5]}, rules={"time_limit": 3}))
     assert missed.outcome.status == "timeout"
-    passing = run(scene_of({"position": [7, 0], "then": [[-5, 0]]}, people=[], rules={"time_limit": 3}))
+    passing = record_of(scene_of({"position": [7, 0], "then": [[-5, 0]]}, people=[], rules={"time_limit": 3}))
     assert passing.outcome.status == "timeout", "the last place counts only after the first"
 
 
 def test_a_person_is_met_where_it_is_and_not_where_it_was() -> None:
-    record = run(scene_of(TASKS["meet"]))
+    record = record_of(scene_of(TASKS["meet"]))
     distance = gaps(record)
     assert distance[-1] <= 1.2 < distance[:-1].min()
     offset = record.goals[:, :2] - record.states.humans[:, 0, :2]
@@ -96,7 +91,7 @@ def test_a_person_is_met_where_it_is_and_not_where_it_was() -> None:
 
 @pytest.mark.parametrize("name", ["follow", "accompany"])
 def test_the_robot_stays_with_a_person_to_the_end_of_its_way(name: str) -> None:
-    record = run(scene_of(TASKS[name]))
+    record = record_of(scene_of(TASKS[name]))
     person, robot = record.states.humans[:, 0], record.states.robot
     assert np.hypot(*(person[-1, :2] - (5, -3))) <= ARRIVED
     assert METRICS["company"].function(Trajectory(record)) == pytest.approx((gaps(record) <= 2.0).mean())
@@ -108,16 +103,16 @@ def test_the_robot_stays_with_a_person_to_the_end_of_its_way(name: str) -> None:
 
 
 def test_a_person_who_is_led_or_awaited_has_to_be_near() -> None:
-    alone = run(scene_of(TASKS["lead"], people=[{"x": -7, "y": 3}], rules={"time_limit": 20}))
+    alone = record_of(scene_of(TASKS["lead"], people=[{"x": -7, "y": 3}], rules={"time_limit": 20}))
     assert alone.outcome.status == "timeout"
     assert np.hypot(*(alone.states.robot[-1, :2] - (5, -3))) < 0.4
-    late = run(scene_of(TASKS["wait"] | {"position": [-5, -2]}, rules={"time_limit": 15}))
+    late = record_of(scene_of(TASKS["wait"] | {"position": [-5, -2]}, rules={"time_limit": 15}))
     assert late.outcome.status == "timeout"
     assert METRICS["company"].function(Trajectory(alone)) == 0.0
 
 
 def test_the_robot_stays_where_it_is_until_the_person_comes() -> None:
-    record = run(scene_of(TASKS["follow"], people=[HALL["people"][0] | {"enters": 3.0}]))
+    record = record_of(scene_of(TASKS["follow"], people=[HALL["people"][0] | {"enters": 3.0}]))
     assert record.outcome.status == "goal"
     assert not record.states.present[20, 0]
     assert np.hypot(*(record.states.robot[20, :2] - record.states.robot[0, :2])) < 0.1
@@ -144,7 +139,7 @@ def test_rewards_count_progress_to_the_goal_before_the_step() -> None:
 def test_observations_of_a_record_begin_once(monkeypatch: pytest.MonkeyPatch) -> None:
     env = SocialNavEnv(s2.ScenarioConfig(**HALL, goal=TASKS["follow"]))
     env.reset(seed=1)
-    record, resets = run(env.unwrapped.scene), []
+    record, resets = record_of(env.unwrapped.scene), []
     begin = type(env.encoder).reset
     monkeypatch.setattr(type(env.encoder), "reset", lambda self, scene: (resets.append(scene), begin(self, scene)))
     for snapshot in record.snapshots():
@@ -185,13 +180,13 @@ def test_mirror_images_of_tasks_have_their_places_mirrored(tmp_path: Path) -> No
 
 
 def test_formats_with_one_goal_refuse_a_goal_that_moves() -> None:
-    record = run(scene_of(TASKS["follow"]))
+    record = record_of(scene_of(TASKS["follow"]))
     with pytest.raises(UnsuitableEpisode, match=r"the robot has the task 'follow', and socnav3 has one position only"):
         to_socnav3(record, Options())
     with pytest.raises(RecordError, match="graphs have one goal, and that of the task 'follow' moves"):
         modern_graph(record, 3)
     with pytest.raises(ControllerError, match=r"Dwa drives to one position, and the goal of this scene moves"):
-        run(record.scene(), Dwa())
+        record_of(record.scene(), Dwa())
 
 
 @pytest.mark.parametrize(
@@ -210,11 +205,11 @@ def test_tasks_in_words(name: str, text: str) -> None:
     found = instruction(scene)
     assert re.fullmatch(text, found.text), found.text
     assert found.slots.get("person") == (None if name == "then" else [1])
-    assert story(run(scene))[-1].startswith("It has done its task after")
+    assert story(record_of(scene))[-1].startswith("It has done its task after")
 
 
 def test_pictures_show_the_goal_of_the_tick() -> None:
-    record = run(scene_of(TASKS["follow"]))
+    record = record_of(scene_of(TASKS["follow"]))
     late = record.snapshot(-1)
     scene = late.scene.with_goal(record.scene().goal)
     assert scene.goal == record.scene().goal

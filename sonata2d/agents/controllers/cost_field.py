@@ -54,10 +54,14 @@ class CostField:
         self.price, self.value, self.clearance = self.layers[PRICE], self.layers[VALUE], self.layers[CLEARANCE]
         obstacles = scene.robot_barriers.table, scene.standing_humans.table, _interaction_spaces(scene).table
         goal = float(scene.goal.x), float(scene.goal.y)
-        cells = self.low + CELL * np.stack(np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"), axis=-1)
-        self.speed_limits, slowness = _limits(scene, cells)
+        self.speed_limits, slowness = np.zeros((0, 0)), np.zeros((0, 0))
+        forbidden: IntArray = np.zeros((0, 0), dtype=np.int64)
+        if scene.areas:
+            cells = self.low + CELL * np.stack(np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"), axis=-1)
+            self.speed_limits, slowness = _limits(scene, cells)
+            forbidden = _forbidden_moves(scene, cells)
         _fill_field(
-            self.layers, self.low, scene.outline, *obstacles, slowness, _forbidden_moves(scene, cells),
+            self.layers, self.low, scene.outline, *obstacles, slowness, forbidden,
             float(scene.robot.outline.inradius), *goal,
         )  # fmt: skip
 

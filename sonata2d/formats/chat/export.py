@@ -16,7 +16,7 @@ import orjson
 from ...errors import UnsuitableEpisode
 from ...record.record import EpisodeRecord
 from ..format import Format, Options, require_robot
-from .questions import Question, ask
+from .questions import ask
 from .recompute import recompute
 from .words import instruction, path_words, situation, story
 
@@ -37,10 +37,10 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
     if not len(record):
         raise UnsuitableEpisode(record.path, "the episode has no frame to ask about", "leave out such episodes")
     count = QUESTIONS if options.questions is None else options.questions
-    task = instruction(record.scene())
+    task, told = instruction(record.scene()), " ".join(story(record))
     start = f"At the start: {situation(record.snapshot(0))}"
     asked = f"Task of the robot: {task.text} {start} {path_words(record)} Describe what happens."
-    lines = [_line(record, 0, asked, " ".join(story(record)), {
+    lines = [_line(record, 0, asked, told, {
         "kind": "description", "instruction": task.text, "slots": task.slots
     }, None, options)] if count else []  # fmt: skip
     for k, question in enumerate(ask(record, count - 1) if count > 1 else [], 1):
@@ -52,16 +52,10 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
                 "report this as an error of sonata2d",
             )
         meta = {"kind": question.kind, "tick": question.tick, "ids": question.ids, "value": question.value}
-        lines.append(_line(record, k, _asked(record, question), question.answer, meta, question.tick, options))
+        context = f"{start} {told}" if question.tick is None else situation(record.snapshot(question.tick))
+        text = f"{context} {question.text}"
+        lines.append(_line(record, k, text, question.answer, meta, question.tick, options))
     return b"".join(orjson.dumps(line) + b"\n" for line in lines)
-
-
-def _asked(record: EpisodeRecord, question: Question) -> str:
-    """The question, after a description of the moment that it is about."""
-    context = situation(record.snapshot(question.tick or 0))
-    if question.tick is None:
-        context = f"At the start: {context} {' '.join(story(record))}"
-    return f"{context} {question.text}"
 
 
 def _line(

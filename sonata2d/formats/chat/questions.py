@@ -148,21 +148,21 @@ def _object_of(e: _Episode) -> Question | None:
 
 
 def _side(e: _Episode) -> Question | None:
-    tick, when = e.moment()
-    k = e.person(tick)
-    if k is None or abs(left := e.local(tick, k)[1]) < _MARGIN:
-        return None
-    text = f"Is person {e.ids[k]} to the left or to the right of the robot {when}?"
-    return Question("side", text, "left" if left > 0.0 else "right", tick, (int(e.ids[k]),))
+    return _half(e, "side", 1, "Is person {id} to the left or to the right of the robot {when}?", ("left", "right"))
 
 
 def _ahead(e: _Episode) -> Question | None:
+    return _half(e, "ahead", 0, "Is person {id} ahead of the robot or behind it {when}?", ("ahead", "behind"))
+
+
+def _half(e: _Episode, kind: str, axis: int, text: str, answers: tuple[str, str]) -> Question | None:
+    """On which side of the robot a person is: positive or negative along an axis of the robot's frame."""
     tick, when = e.moment()
     k = e.person(tick)
-    if k is None or abs(ahead := e.local(tick, k)[0]) < _MARGIN:
+    if k is None or abs(offset := e.local(tick, k)[axis]) < _MARGIN:
         return None
-    text = f"Is person {e.ids[k]} ahead of the robot or behind it {when}?"
-    return Question("ahead", text, "ahead" if ahead > 0.0 else "behind", tick, (int(e.ids[k]),))
+    id = int(e.ids[k])
+    return Question(kind, text.format(id=id, when=when), answers[0 if offset > 0.0 else 1], tick, (id,))
 
 
 def _approaches(e: _Episode) -> Question | None:

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.attributes import Attributes, AttributeValue
-from ...core.entities import DEFAULT_KIND, Area, Interaction
+from ...core.entities import AT_PERSON, DEFAULT_KIND, Interaction
 from ...core.portable_math import unit_vector
 from ...core.relations import ACTIVITY, RELATION
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
-from ...core.tasks import AT_PERSON
 from ...metrics.encounters import Kind, Meeting, encounter
 from ...record.record import EpisodeRecord
 
@@ -171,15 +170,13 @@ def situation(snapshot: Snapshot) -> str:
         lines.append(f"{name[0].upper()}{name[1:]} is at {_place(robot.pose.to_local(piece.pose.position))}{extra}.")
     for area in scene.areas:
         corners = ", ".join(_place(robot.pose.to_local(corner)) for corner in area.polygon)
-        facts = [f"in it robots move along ({c1:.2f}, {s1:.2f})" for c1, s1 in _direction_in(area, robot.pose.theta)]
+        facts = []
+        if area.one_way is not None:
+            along, across = unit_vector(area.one_way - robot.pose.theta)
+            facts.append(f"in it robots move along ({along:.2f}, {across:.2f})")
         facts += [attribute_words(area.attributes)] if area.attributes else []
         lines.append(f"The {area.name} has the corners {corners}{''.join(f'; {fact}' for fact in facts)}.")
     return " ".join(lines)
-
-
-def _direction_in(area: Area, heading: float) -> list[tuple[float, float]]:
-    """The direction of a one-way area in the frame of a robot; empty: it has none."""
-    return [] if area.one_way is None else [unit_vector(area.one_way - heading)]
 
 
 def attribute_words(attributes: Attributes | None) -> str:

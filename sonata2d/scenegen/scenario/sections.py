@@ -19,12 +19,12 @@ from pydantic import (
 )
 
 from ...core.bounds import Capacity, Fraction, NotNegative, Number, Positive
-from ...core.entities import DEFAULT_CONTROLLER, DEFAULT_MODEL, Area, Formation, Limits, Reaction, RobotTask
+from ...core.entities import AT_PERSON, DEFAULT_CONTROLLER, DEFAULT_MODEL, Area, Formation, Limits, Reaction, RobotTask
 from ...core.files.limits import MAX_NAME
 from ...core.geometry import Disc, Point, Polygon, Rectangle, Shape, canonical_angle, quantised
 from ...core.labels import LabelSpec
 from ...core.scene import Rules, Social
-from ...core.tasks import AT_PERSON, BESIDE
+from ...core.tasks import BESIDE
 from ...core.wording import shown
 from ...registry import CONTROLLERS, DRIVES, PEDESTRIAN_MODELS, PERSON_KINDS, did_you_mean, drive_class
 from .attributes import GivenAttributes
@@ -442,8 +442,8 @@ class GoalConfig(Settings):
         jitter: maximum random offset of `position` in x and y (m), in both directions, drawn for each scene.
         theta: rad, world frame; default: drawn.
         area: name of one of `areas`, in which a drawn goal lies; in files the key is `in`.
-        task: `go` to the position; `meet`, `follow` or `accompany` a person, who is then the goal; `lead` a person to
-            the position; `wait` for a person there. See `Goal` in docs/format.md for when a task is done.
+        task: `go` to the position; `meet`, `follow` or `accompany` a person; `lead` a person to the position; `wait`
+            for a person there. See `Goal` in docs/format.md for when a task is done.
         person: number of the person in `people`, from 1; of one that is followed or accompanied, `goals` are given.
         near: largest distance between the centres of robot and person at which they are near each other, m.
         then: further places of the task `go`, in order, m.

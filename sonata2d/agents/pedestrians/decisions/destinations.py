@@ -334,7 +334,7 @@ def _draw_kind(crowd: CrowdState, k: int) -> int:
     chances = (h.visits, h.joins, h.sits, h.queues, h.exits)
     for n in range(len(chances)):
         if draw < chances[n]:
-            # Who is on wheels, or pushes a cart, does not sit down.
+            # People on wheels and people who push a cart do not sit down.
             return NO_TASK if _KINDS[n] == SIT and crowd.rolls[k] else int(_KINDS[n])
         draw -= chances[n]
     return NO_TASK
