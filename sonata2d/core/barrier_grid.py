@@ -75,7 +75,7 @@ def solids_of(barriers: Barriers) -> Solids:
     """The barriers with their grid, which is made once."""
     solids: Solids | None = barriers.__dict__.get("_solids")
     if solids is None:
-        solids = barriers.__dict__["_solids"] = _with_grid(barriers.table)
+        solids = barriers.__dict__["_solids"] = with_grid_of(barriers.table)
     return solids
 
 
@@ -87,7 +87,8 @@ def packed_solids(barriers: Barriers) -> Packed[Solids]:
     return packed
 
 
-def _with_grid(table: Array) -> Solids:
+def with_grid_of(table: Array) -> Solids:
+    """The rows of a `Barriers.table` with their grid."""
     west, south, cell, columns, rows = _shape(table)
     first = np.zeros(columns * rows + 1, dtype=np.int64)
     grid = Grid(west, south, cell, columns, rows, first, np.empty(0, dtype=np.int64))
@@ -411,7 +412,7 @@ def _list_within(packed_solids: Any, x: float, y: float, distance: float, found:
     return find_within(unpack(packed_solids, Solids), x, y, distance, found)
 
 
-def barriers_within(barriers: Barriers, point: Point, distance: float) -> IntArray:
-    """Indices of the barriers within a distance of a point, m, measured to their surfaces; (K,) of int, ascending."""
-    found = np.empty(len(barriers), dtype=np.int64)
-    return found[: _list_within(packed_solids(barriers).argument, float(point[0]), float(point[1]), distance, found)]
+def rows_within(solids: Packed[Solids], point: Point, distance: float) -> IntArray:
+    """Rows of the table within a distance of a point, m, measured to their surfaces; (K,) of int, ascending."""
+    found = np.empty(len(solids.value.table), dtype=np.int64)
+    return found[: _list_within(solids.argument, float(point[0]), float(point[1]), distance, found)]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Literal
@@ -14,6 +15,7 @@ import numpy as np
 
 from .attributes import Attributes, AttributeSpec
 from .bounds import ADDITIVE, Fraction, NotNegative, Positive, Steps
+from .doors import OPEN, InteriorDoor
 from .drawable import Drawable
 from .entities import (
     ROBOT_ID,
@@ -125,9 +127,12 @@ class Social:
         return max(self.visits, self.joins, self.meets, self.leaves, self.sits, self.queues, self.exits) > 0.0
 
 
-# Properties of a scene that are computed once, of its robots and of its humans.
+# Properties of a scene that are computed once, of its robots, doors and humans.
 _OF_ROBOTS = ("_views", "with_robots_as_people", "_with_goals")
+_OF_DOORS = ("barriers", "robot_barriers", "barrier_owner", "_solids", "moving_doors", "_with_open_doors")
 _OF_HUMANS = ("human_table", "standing_humans", "parking", "shared_spaces")
+
+Solid = Literal["wall", "object", "door"]  # kinds of owners of barriers
 
 Unmeasured = Literal["robot", "goal", "headings", "heads", "seed", "outcome"]
 """Data that a recording of another program may lack; headings are the directions of pedestrians' bodies."""
@@ -146,6 +151,7 @@ class Scene(FloatFields, Drawable):
         areas: named parts of the floor.
         attributes: declared attributes of people, objects and areas, and the attributes of the episode.
         doors, queues, places: where pedestrians enter and leave, stand in line, and like to go.
+        interior_doors: doors between parts of the room, whose leaves open and close.
         seed, episode: what the scene was generated from; they also seed the choices that pedestrians make.
         settings: resolved scenario settings as JSON values; None for a scene that was not generated.
         dropped: requested entities that could not be placed.
@@ -180,6 +186,7 @@ class Scene(FloatFields, Drawable):
     holes: tuple[tuple[Point, ...], ...] = ()
     areas: tuple[Area, ...] = ()
     attributes: tuple[AttributeSpec, ...] = ()
+    interior_doors: tuple[InteriorDoor, ...] = ()
 
     def __repr__(self) -> str:
         people, objects = counted(len(self.humans), "person"), counted(len(self.furniture), "object")
@@ -291,7 +298,10 @@ class Scene(FloatFields, Drawable):
 
     @cached_property
     def barriers(self) -> Barriers:
-        """Straight walls, then furniture with a physical body, as thick segments in the order of `barrier_owner`."""
+        """Everything solid that never moves, as thick segments in the order of `barrier_owner`.
+
+        Straight walls, then furniture with a physical body, then the leaves of interior doors that nobody opens.
+        """
         return Barriers.of([edge for _, edges in self._solids for edge in edges])
 
     @cached_property
@@ -300,9 +310,13 @@ class Scene(FloatFields, Drawable):
         return self.barriers.joined(Barriers.of([edge for area in self.areas if area.no_go for edge in area.edges()]))
 
     @cached_property
-    def barrier_owner(self) -> tuple[tuple[str, int], ...]:
-        """Owner of each barrier: ("wall", key in `straight_walls`) or ("object", id)."""
-        return tuple(owner for owner, edges in self._solids for _ in edges)
+    def barrier_owner(self) -> tuple[tuple[Solid, int], ...]:
+        """Owner of each barrier: ("wall", key in `straight_walls`), ("object", id) or ("door", id).
+
+        The owners of all `Snapshot.barriers`: those of `barriers` come first, then the doors that move.
+        """
+        owners: list[tuple[Solid, int]] = [owner for owner, edges in self._solids for _ in edges]
+        return (*owners, *(("door", door.id) for door in self.moving_doors))
 
     @cached_property
     def wall_lines(self) -> tuple[int, ...]:
@@ -315,10 +329,45 @@ class Scene(FloatFields, Drawable):
         return straight_walls(self.walls, self.wall_lines)
 
     @cached_property
-    def _solids(self) -> list[tuple[tuple[str, int], list[Edge]]]:
-        walls = [(("wall", k), [(wall.start, wall.end, 0.0)]) for k, wall in self.straight_walls.items()]
-        objects = [(("object", f.id), f.shape.edges(f.pose)) for f in self.furniture if f.on is None]
-        return walls + objects
+    def _solids(self) -> list[tuple[tuple[Solid, int], list[Edge]]]:
+        solids: list[tuple[tuple[Solid, int], list[Edge]]] = []
+        solids += [(("wall", k), [(wall.start, wall.end, 0.0)]) for k, wall in self.straight_walls.items()]
+        solids += [(("object", f.id), f.shape.edges(f.pose)) for f in self.furniture if f.on is None]
+        solids += [(("door", door.id), [door.leaf(door.opening)]) for door in self.interior_doors if not door.moves]
+        return solids
+
+    @cached_property
+    def moving_doors(self) -> tuple[InteriorDoor, ...]:
+        """The interior doors that can open and close."""
+        return tuple(door for door in self.interior_doors if door.moves)
+
+    def for_paths(self, openings: Iterable[float]) -> Scene:
+        """The room as paths lead through it: leaves of hinged doors that are open do not move, other doors are free.
+
+        Args:
+            openings: of `moving_doors`.
+
+        Returns:
+            The same object for the same open doors.
+        """
+        sides = tuple(
+            math.copysign(1.0, opening) if door.kind == "hinged" and abs(opening) >= OPEN else 0.0
+            for door, opening in zip(self.moving_doors, openings, strict=True)
+        )
+        if not any(sides):
+            return self
+        if sides not in self._with_open_doors:
+            at = dict(zip((door.id for door in self.moving_doors), sides, strict=True))
+            doors = tuple(
+                replace(door, opened_by="nobody", opening=at[door.id]) if at.get(door.id) else door
+                for door in self.interior_doors
+            )
+            self._with_open_doors[sides] = self._changed((*_OF_ROBOTS, *_OF_DOORS), interior_doors=doors)
+        return self._with_open_doors[sides]
+
+    @cached_property
+    def _with_open_doors(self) -> dict[tuple[float, ...], Scene]:
+        return {}
 
     @cached_property
     def outline(self) -> Array:

@@ -10,9 +10,10 @@ from typing import Any, Literal, NamedTuple, Protocol, Self
 import numpy as np
 
 from .devices import DeviceEvent
+from .doors import DoorState
 from .drawable import Drawable
 from .entities import ROBOT_ID, Furniture, Goal, Interaction, Robot, Wall
-from .geometry import Point, Pose, Twist
+from .geometry import Barriers, Point, Pose, Twist
 from .humans import BODY_X, BODY_Y, GAZE_Y, OMEGA, VX, VY, Humans, X, Y, activities_of_present, frozen
 from .portable_math import Array, BoolArray, IntArray, angle_of, unit_vector
 from .relations import ACTIVITIES
@@ -21,6 +22,7 @@ from .state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED, ROBOT_SIZE
 from .wording import counted
 
 CLOSING_SPEED = 0.01  # m/s; a side that approaches the other faster than this closes the gap between them
+ContactKind = Literal["human", "object", "wall", "door", "robot"]
 Status = Literal["goal", "timeout", "contact", "stopped", "regenerate", "error"]
 
 
@@ -32,12 +34,12 @@ class Contact:
 
     Attributes:
         kind: what the robot touched.
-        id: of the human, object or other robot; for a wall its index in the scene, or that of the first of the pieces
-            of a straight wall.
+        id: of the human, object, door or other robot; for a wall its index in the scene, or that of the first of the
+            pieces of a straight wall.
         robot_at_fault, other_at_fault: whether each side closed the gap.
     """
 
-    kind: Literal["human", "object", "wall", "robot"]
+    kind: ContactKind
     id: int
     robot_at_fault: bool
     other_at_fault: bool
@@ -106,6 +108,8 @@ class Snapshot(Drawable):
             it has none.
         robots: the other robots, in the order of `scene.robots`.
         contacts_of_robots: of the other robots during the last tick, in the same order.
+        doors: the interior doors of the scene, and how far each is open.
+        barriers: everything solid but people and robots: as in the scene, and the leaves of doors that move.
     """
 
     tick: int
@@ -120,6 +124,7 @@ class Snapshot(Drawable):
     sensors: Any = None
     robots: tuple[RobotState, ...] = field(default_factory=tuple)  # no attribute of the class: it is built when read
     contacts_of_robots: tuple[tuple[Contact, ...], ...] = ()
+    doors: tuple[DoorState, ...] = field(default_factory=tuple)  # as `robots`
     _state: State | None = field(default=None, init=False, repr=False, compare=False)
 
     @classmethod
@@ -133,14 +138,14 @@ class Snapshot(Drawable):
         events: tuple[DeviceEvent, ...] = (),
         contacts_of_robots: tuple[tuple[Contact, ...], ...] = (),
     ) -> Self:
-        """A snapshot that builds `robot`, `robots` and `humans` from a state when they are first read.
+        """A snapshot that builds `robot`, `robots`, `humans` and `doors` from a state when they are first read.
 
         Args:
             tick, scene, interactions, contacts, events, contacts_of_robots: as the attributes.
             state: of all robots and pedestrians of the scene.
         """
         snapshot = object.__new__(cls)
-        values = vars(snapshot)  # of all attributes except `robot`, `robots` and `humans`; the class is frozen
+        values = vars(snapshot)  # of all attributes except those that are built later; the class is frozen
         values.update(tick=tick, time=round(tick * scene.rules.dt, 4), scene=scene, interactions=interactions)
         values.update(contacts=contacts, events=events, image=None, sensors=None, _state=state)
         if contacts_of_robots:  # else that of the class
@@ -148,7 +153,7 @@ class Snapshot(Drawable):
         return snapshot
 
     def __getattr__(self, name: str) -> Any:
-        """Build `robot`, `robots` or `humans` from the state; called only for attributes that are not set."""
+        """Build `robot`, `robots`, `humans` or `doors` from the state; called for attributes that are not set."""
         if name == "robot" and self._state is not None:
             value: Any = _robot_state(self._state.robot.tolist(), self.scene.robot, self.scene.robot_id)
         elif name == "robots" and self._state is not None:
@@ -156,6 +161,8 @@ class Snapshot(Drawable):
             value = tuple(_robot_state(row, o.robot, o.id) for row, o in zip(rows, others, strict=True))
         elif name == "humans" and self._state is not None:
             value = self._build_humans(self._state)
+        elif name == "doors" and self._state is not None:
+            value = door_states(self.scene, self._state.doors.tolist())
         else:
             raise AttributeError(f"Snapshot has no attribute {name!r}")
         object.__setattr__(self, name, value)
@@ -177,11 +184,12 @@ class Snapshot(Drawable):
         humans, count = self.humans, len(self.scene.humans)
         others = [value for robot in self.robots for value in _robot_row(robot)]
         people = humans.expand(humans.state, count, 0.0).ravel()
-        row = frozen(np.concatenate((_robot_row(self.robot), people, np.array(others))))
+        openings = [each.opening for each in self.doors if each.door.moves]
+        row = frozen(np.concatenate((_robot_row(self.robot), people, np.array(others), openings)))
         is_present = None
         if humans.row is not None:
             is_present = frozen(humans.expand(np.ones(len(humans), dtype=bool), count, False))
-        return State(row, frozen(humans.expand(humans.activity_index, count, 0)), is_present)
+        return State(row, frozen(humans.expand(humans.activity_index, count, 0)), is_present, len(openings))
 
     def __repr__(self) -> str:
         people = counted(len(self.humans), "person")
@@ -225,11 +233,12 @@ class Snapshot(Drawable):
         people = np.concatenate(
             (others[:, : BODY_Y + 1], others[:, BODY_X : BODY_Y + 1], others[:, OMEGA : OMEGA + 1]), 1
         )
-        row = frozen(np.concatenate((state.robot, state.humans.ravel(), people.ravel())))
+        row = frozen(np.concatenate((state.robot, state.humans.ravel(), people.ravel(), state.doors)))
         is_present = state.is_present
         if is_present is not None:
             is_present = frozen(np.concatenate((is_present, np.ones(len(others), dtype=bool))))
-        everybody = State(row, frozen(np.concatenate((state.activity, activity))), is_present)
+        activities = frozen(np.concatenate((state.activity, activity)))
+        everybody = State(row, activities, is_present, state.door_count)
         snapshot = Snapshot.of_state(self.tick, scene, everybody, self.interactions, self.contacts, self.events)
         vars(snapshot).update(image=self.image, sensors=self.sensors)
         return snapshot
@@ -245,6 +254,13 @@ class Snapshot(Drawable):
     @property
     def objects(self) -> tuple[Furniture, ...]:
         return self.scene.furniture
+
+    @property
+    def barriers(self) -> Barriers:
+        """Barriers of the scene, and the leaves of the doors that move."""
+        if not self.scene.moving_doors:
+            return self.scene.barriers
+        return self.scene.barriers.joined(Barriers.of([each.leaf for each in self.doors if each.door.moves]))
 
     @property
     def dt(self) -> float:
@@ -268,6 +284,12 @@ def _robot_row(robot: RobotState) -> list[float]:
     row[OMEGA], row[GUARDED] = robot.omega, float(robot.guarded)
     row[EXECUTED_VX], row[EXECUTED_VY], row[EXECUTED_OMEGA] = robot.executed.vx, robot.executed.vy, robot.executed.omega
     return row
+
+
+def door_states(scene: Scene, openings: Sequence[float]) -> tuple[DoorState, ...]:
+    """The states of the interior doors of a scene, from the openings of those that move."""
+    moving = iter(openings)
+    return tuple(DoorState(door, next(moving) if door.moves else door.opening) for door in scene.interior_doors)
 
 
 class CrowdCommands(NamedTuple):
@@ -326,7 +348,7 @@ class Frames(NamedTuple):
 
     Attributes:
         first: snapshot of the first frame, whose activities, interactions and contacts all have.
-        rows: (T, 13 + 9 N), `State.row` of each frame; read-only.
+        rows: (T, 13 + 9 N + D), `State.row` of each frame; read-only.
         commands: (T, 3), vx, vy (m/s) and omega (rad/s), body frame.
         labels: of the frames; None: they have none.
     """
@@ -414,4 +436,5 @@ def snapshot_of(scene: Scene) -> Snapshot:
         activity = activities_of_present(activity, table.id, interactions)
     humans = table.with_state(frozen(state), activity)
     present = humans.select(np.flatnonzero([human.enters == 0 for human in scene.humans]))
-    return Snapshot(0, 0.0, scene, at_rest[0], present, interactions, robots=tuple(at_rest[1:]))
+    doors = door_states(scene, [door.opening for door in scene.moving_doors])
+    return Snapshot(0, 0.0, scene, at_rest[0], present, interactions, robots=tuple(at_rest[1:]), doors=doors)

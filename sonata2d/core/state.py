@@ -1,4 +1,4 @@
-"""The numbers of one tick as one row: the robot, then all pedestrians of the scene."""
+"""The numbers of one tick as one row: the robot, then all pedestrians of the scene, other robots and doors."""
 
 from __future__ import annotations
 
@@ -20,15 +20,18 @@ class State(NamedTuple):
     """The state of the world at one tick; read-only.
 
     Attributes:
-        row: (13 + 9 N + 13 M,): the robot's columns above, then for each of the N pedestrians of the scene, present or
-            not, the columns of `core.humans`, then those of the M other robots; SI units, world frame.
+        row: (13 + 9 N + 13 M + D,): the robot's columns above, then for each of the N pedestrians of the scene, present
+            or not, the columns of `core.humans`, then those of the M other robots, then the openings of the D interior
+            doors that move; SI units, world frame.
         activity: (N,) of int, into `relations.ACTIVITIES`.
         is_present: (N,) of bool; None: all pedestrians are present.
+        door_count: D.
     """
 
     row: Array
     activity: IntArray
     is_present: BoolArray | None = None
+    door_count: int = 0
 
     @property
     def robot(self) -> Array:
@@ -43,7 +46,12 @@ class State(NamedTuple):
     @property
     def robots(self) -> Array:
         """(M, 13), one row for each other robot of the scene."""
-        return self.row[self._end_of_humans :].reshape(-1, ROBOT_SIZE)
+        return self.row[self._end_of_humans : len(self.row) - self.door_count].reshape(-1, ROBOT_SIZE)
+
+    @property
+    def doors(self) -> Array:
+        """(D,), openings of the interior doors that move, see `core.doors`."""
+        return self.row[len(self.row) - self.door_count :]
 
     @property
     def _end_of_humans(self) -> int:
@@ -52,4 +60,4 @@ class State(NamedTuple):
     def with_robots(self, order: Sequence[int]) -> State:
         """The state with the robots in another order, by their present places, of which 0 is that of `robot`."""
         rows = np.concatenate((self.robot[None], self.robots))[list(order)]
-        return self._replace(row=frozen(np.concatenate((rows[0], self.humans.ravel(), rows[1:].ravel()))))
+        return self._replace(row=frozen(np.concatenate((rows[0], self.humans.ravel(), rows[1:].ravel(), self.doors))))

@@ -31,6 +31,7 @@ class States:
         humans: (T + 1, N, 7), columns x, y, theta, vx, vy, omega, head; SI units, world frame; NaN where not present.
         present: (T + 1, N) of bool.
         activity: (T + 1, N) of int, into `relations.ACTIVITIES`; -1 where not present.
+        doors: (T + 1, D), openings of the interior doors that move, see `InteriorDoor`.
     """
 
     tick: IntArray
@@ -40,6 +41,7 @@ class States:
     humans: Array
     present: BoolArray
     activity: IntArray
+    doors: Array
 
     def __repr__(self) -> str:
         return f"<States: {counted(len(self.tick), 'tick')}, {counted(self.humans.shape[1], 'person')}>"
@@ -72,6 +74,7 @@ def columns_of(document: JsonDict) -> Columns:
         raise TypeError("frames must be a list")
     states = [*frames, document["final"]]
     people, others, types = len(document["humans"]), len(document.get("robots") or ()), set[type]()
+    doors = sum(door["opened_by"] != "nobody" for door in document.get("interior_doors") or ())
     activity = np.array([state["activity"] for state in states], dtype=np.int64).reshape(len(states), people)
     rows = [_ABSENT_ROW if row is None else row for row in _joined((state["humans"] for state in states), people)]
     robots = [other["robot"] for state in states for other in state["robots"]] if others else []
@@ -84,6 +87,7 @@ def columns_of(document: JsonDict) -> Columns:
             humans=_stack(rows, types, len(HUMAN_NAMES)).reshape(len(states), people, len(HUMAN_NAMES)),
             present=frozen(activity != ABSENT),
             activity=frozen(activity),
+            doors=_stack([state["doors"] if doors else [] for state in states], types, doors),
         ),
         command=_stack([frame["command"] for frame in frames], types, len(COMMAND_NAMES)),
         executed=_stack([frame["executed"] for frame in frames], types, len(COMMAND_NAMES)),
@@ -127,6 +131,8 @@ def _agree(frames: list[JsonDict], columns: Columns) -> bool:
         and {*map(type, _joined(frame["activity"] for frame in frames))} <= {int}
         and links_types <= {(int, str, int)}
         and (not ends or -MAX_ID <= min(ends) <= max(ends) <= MAX_ID)
+        and bool((np.abs(states.doors) <= 1.0).all())
+        and (states.doors.size > 0 or not any("doors" in frame for frame in frames))
         and {type(frame["guarded"]) for frame in frames} <= {bool}
         and {type(frame[key]) for frame in frames for key in ("contacts", "events")} <= {list}
     )

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import get_args
 
 import numpy as np
 
 from ..core.entities import Robot
 from ..core.portable_math import Array
-from ..core.snapshot import Contact
+from ..core.snapshot import Contact, ContactKind
 from .layout import COMMAND_NAMES, JsonDict
 
-CONTACT_KINDS = ("human", "object", "wall", "robot")
+CONTACT_KINDS = get_args(ContactKind)
 ANY_KIND = "any"
 _LIMIT_TOLERANCE = 2e-4  # m/s, rad/s: recorded commands are rounded to 1e-4
 
@@ -54,8 +55,8 @@ def count_contacts(contacts: Iterable[Iterable[Contact]]) -> dict[str, dict[str,
         contacts: of each of the T + 1 states.
 
     Returns:
-        By kind of contact (human, object, wall, robot, and any): number of frames, and number of frames in which the
-        robot or the other side is at fault; both can be, or neither. Kinds without a contact are left out.
+        By kind of contact (human, object, wall, door, robot, and any): number of frames, and number of frames in which
+        the robot or the other side is at fault; both can be, or neither. Kinds without a contact are left out.
     """
     counts: dict[str, dict[str, int]] = {}
     for state in contacts:

@@ -26,7 +26,7 @@ class Segment(NamedTuple):
     """Consecutive states that differ in their numbers only, as references to what snapshots hold.
 
     Attributes:
-        rows: (T, 13 + 9 N + 13 M), `State.row` of each.
+        rows: (T, 13 + 9 N + 13 M + D), `State.row` of each.
         tick: of the first.
         times: (T,), s.
         activity, is_present: of `State`.
@@ -60,7 +60,7 @@ class Segment(NamedTuple):
 
 def segment_of(snapshot: Snapshot) -> Segment:
     """A segment of one state."""
-    row, activity, is_present = snapshot.state
+    row, activity, is_present, _ = snapshot.state
     return Segment(
         row.reshape(1, -1), snapshot.tick, (snapshot.time,), activity, is_present, snapshot.interactions,
         snapshot.contacts, snapshot.events, snapshot.contacts_of_robots,
@@ -72,10 +72,10 @@ _POSITION, _VELOCITY, _OMEGA = slice(0, Y + 1), slice(VX, VY + 1), slice(OMEGA, 
 _BODY, _GAZE = slice(BODY_X, BODY_Y + 1), slice(GAZE_X, GAZE_Y + 1)
 _EXECUTED = slice(EXECUTED_VX, EXECUTED_VX + 3)
 
-_STATE = b'{"tick":%b,"time":%b,"robot":%b,"humans":%b,"activity":%b,"interactions":%b,"contacts":%b%b%b}'
+_STATE = b'{"tick":%b,"time":%b,"robot":%b,"humans":%b,"activity":%b,"interactions":%b,"contacts":%b%b%b%b}'
 _FRAME = (
     b'{"tick":%b,"time":%b,"robot":%b,"command":%b,"executed":%b,"guarded":%b,"humans":%b,"activity":%b,'
-    b'"interactions":%b,"contacts":%b%b,"events":%b%b%b}'
+    b'"interactions":%b,"contacts":%b%b%b,"events":%b%b%b}'
 )
 # of another robot: the keys that the frame has for the first one
 _OTHER = b'{"robot":%b,"command":%b,"executed":%b,"guarded":%b,"contacts":%b%b%b}'
@@ -96,13 +96,16 @@ def never_entered(humans: Sequence[Human], has_been_present: BoolArray, last_tic
     return [human.id for human in absent if human.enters <= last_tick and human.behaviour != "recorded"]
 
 
-def frame_lines(segments: Sequence[Segment], answers: Sequence[Answer], ids: list[int]) -> tuple[list[bytes], bytes]:
+def frame_lines(
+    segments: Sequence[Segment], answers: Sequence[Answer], ids: list[int], doors: int = 0
+) -> tuple[list[bytes], bytes]:
     """Serialise states, and the answers to them.
 
     Args:
         segments: of T + 1 states, the last one of which is that after the last frame.
         answers: T.
         ids: of the N humans of the scene.
+        doors: number of its doors that move.
 
     Returns:
         JSON of the T frames, and of the last state.
@@ -121,6 +124,7 @@ def frame_lines(segments: Sequence[Segment], answers: Sequence[Answer], ids: lis
     robot, executed, humans = _rounded_columns(table, absent, ids, tick[0])
     command = np.array([answer[0] for answer in answers], dtype=float).reshape(-1, 3)
     require_finite(command, COMMAND_NAMES, "the command", tick=tick[0])
+    table, openings = table[:, : table.shape[1] - doors], table[:, table.shape[1] - doors :]
     others, others_at_end = _others(table[:, ROBOT_SIZE + HUMAN_SIZE * len(ids) :], segments, answers, lengths)
     time = rounded(np.array([time for segment in segments for time in segment.times], dtype=float))
     require_finite(time[:, None], ("time",), "the state", tick=tick[0])
@@ -139,6 +143,7 @@ def frame_lines(segments: Sequence[Segment], answers: Sequence[Answer], ids: lis
         "activity": _repeated([segment[3:5] for segment in segments], _activity_of_present, lengths),
         "interactions": _repeated([segment.interactions for segment in segments], interaction_rows, lengths),
         "contacts": _repeated([segment.contacts for segment in segments], list, lengths),
+        "doors": _openings(openings),
         "robots": others,
         "events": events,
         "label": [_label(answer[1]) for answer in answers],
@@ -146,9 +151,16 @@ def frame_lines(segments: Sequence[Segment], answers: Sequence[Answer], ids: lis
     }
     # the last state belongs to no frame: the shorter columns end before it
     frames = [_FRAME % values for values in zip(*columns.values(), strict=False)]
-    of_last = ("tick", "time", "robot", "humans", "activity", "interactions", "contacts")
+    of_last = ("tick", "time", "robot", "humans", "activity", "interactions", "contacts", "doors")
     last_events = b',"events":' + events[-1] if segments[-1].events else b""
     return frames, _STATE % (*(columns[key][-1] for key in of_last), others_at_end, last_events)
+
+
+def _openings(table: Array) -> list[bytes]:
+    """Serialise the openings of doors, (T, D); nothing if there are none."""
+    if not table.shape[1]:
+        return [b""] * len(table)
+    return [b',"doors":' + item for item in _items(rounded(table))]
 
 
 def _label(label: Any) -> bytes:

@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any, TypeVar
 
 from ..core.attributes import AttributeSpec
+from ..core.doors import InteriorDoor
 from ..core.entities import (
     ROBOT_ID,
     Area,
@@ -55,7 +56,7 @@ def columns() -> dict[str, list[dict[str, str]]]:
 
 def format_version(scene: Scene) -> int:
     """The oldest version of the format that can hold an episode of a scene."""
-    if scene.robots:
+    if scene.robots or scene.interior_doors:
         return 2
     robot = scene.robot
     is_known = robot.shape is None and robot.drive is None and robot.kinematics in ("holonomic", "unicycle")
@@ -76,6 +77,7 @@ def scene_to_json(scene: Scene) -> JsonDict:
         "walls": [(*wall.start, *wall.end) for wall in scene.walls],
         **{key: [_entity_to_json(entity) for entity in getattr(scene, name)] for key, (name, _) in _LISTS.items()},
         **({"areas": [_entity_to_json(area) for area in scene.areas]} if scene.areas else {}),
+        **({"interior_doors": [_entity_to_json(d) for d in scene.interior_doors]} if scene.interior_doors else {}),
         **({"attributes": [_entity_to_json(spec) for spec in scene.attributes]} if scene.attributes else {}),
         "interactions": interaction_rows(scene.interactions),
         "robot": _entity_to_json(scene.robot),
@@ -103,6 +105,7 @@ def scene_from_json(document: JsonDict) -> Scene:
         polygon=_tuples(document["room"]["polygon"]),
         holes=tuple(map(_tuples, document["room"].get("holes") or ())),
         areas=tuple(_entity_from_json(Area, row) for row in document.get("areas") or ()),
+        interior_doors=tuple(_entity_from_json(InteriorDoor, row) for row in document.get("interior_doors") or ()),
         attributes=tuple(_entity_from_json(AttributeSpec, row) for row in document.get("attributes") or ()),
         walls=tuple(Wall((x1, y1), (x2, y2)) for x1, y1, x2, y2 in document["walls"]),
         interactions=interactions_from_rows(document["interactions"]),
@@ -177,7 +180,7 @@ _LISTS: dict[str, tuple[str, type]] = {
 # defaults of the fields of entities that a file holds only where they differ
 _ADDITIVE: dict[Any, dict[str, Any]] = {
     kind: {each.name: each.default for each in fields(kind) if each.metadata.get("additive")}
-    for kind in (Robot, Goal, Human, Social, Furniture, Area, AttributeSpec)
+    for kind in (Robot, Goal, Human, Social, Furniture, Area, AttributeSpec, InteriorDoor)
 }
 _SHAPES: dict[str, type] = {"disc": Disc, "rectangle": Rectangle, "polygon": Polygon}
 _SHAPE_NAMES = {kind: name for name, kind in _SHAPES.items()}

@@ -16,8 +16,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field
 from pydantic_core import CoreSchema
 
 from ..core.attributes import AttributeSpec
-from ..core.bounds import Count, Id, NotNegative, Number, Positive
+from ..core.bounds import Count, Id, NotNegative, Number, Opening, Positive
 from ..core.devices import DeviceEvent
+from ..core.doors import InteriorDoor
 from ..core.entities import Area, Door, Furniture, Goal, Group, Human, Place, Queue, Robot
 from ..core.files.limits import MAX_COUNT, MAX_ROBOTS
 from ..core.geometry import Disc, Point, Polygon, Pose, Rectangle, checked_corners
@@ -311,6 +312,11 @@ class State(Part):
     )
     interactions: list[_InteractionRow] = Field(description="current ones: [src, relation, dst]")
     contacts: list[_Contact] = Field(description="of the robot, during the previous tick")
+    doors: list[Opening] | None = Field(
+        default=None,
+        description="openings of the top-level `interior_doors` that move: 0: closed; 1, or -1 of hinged ones: open; "
+        "absent if there are none",
+    )
 
 
 class LastLook(State):
@@ -358,7 +364,8 @@ class Episode(Part):
 
     format: Literal[FORMAT]  # type: ignore[valid-type]
     version: Literal[1, 2] = Field(
-        description="1; 2 with polygons, several robots, robots that are no discs, or drives that 1 does not have"
+        description="1; 2 with polygons, interior doors, several robots, robots that are no discs, or drives that 1 "
+        "does not have"
     )
     id: str = Field(description="of the episode")
     name: str = Field(description="of the scenario")
@@ -379,6 +386,9 @@ class Episode(Part):
     places: _Entities[_InFile[Place]] = Field(description="of interest, to which wandering pedestrians go")
     areas: list[_InFile[Area]] | None = Field(
         default=None, max_length=MAX_COUNT, description="named parts of the floor; absent if there are none"
+    )
+    interior_doors: list[_InFile[InteriorDoor]] | None = Field(
+        default=None, max_length=MAX_COUNT, description="doors between parts of the room; absent if there are none"
     )
     attributes: list[_InFile[AttributeSpec]] | None = Field(
         default=None,

@@ -19,7 +19,7 @@ from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, Humans,
 from ..core.labels import LabelSpec
 from ..core.portable_math import Array, BoolArray, IntArray, unit_vector, unit_vectors
 from ..core.scene import Scene
-from ..core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot
+from ..core.snapshot import Contact, ControllerInfo, Frame, Outcome, RobotState, Snapshot, door_states
 from ..core.tasks import next_stage, set_present_goal
 from ..core.wording import counted
 from ..view.drawing import Drawing, drawing_of
@@ -340,6 +340,7 @@ class EpisodeRecord(Drawable):
             ),
             contacts_of_robots=tuple(tuple(map(_contact, other["contacts"])) for other in others),
             humans=self._present_humans(t),
+            doors=door_states(self._scene, self.states.doors[t].tolist()),
             interactions=interactions_from_rows(state["interactions"]),
             contacts=tuple(_contact(row) for row in state["contacts"]),
             events=events_of(state),

@@ -172,7 +172,8 @@ class EpisodeRecorder:
         scene, outcome = self.scene, self.outcome
         if scene is None or outcome is None:
             raise RecordError("the episode is not complete; run it to its end, or call close()")
-        frames, final = frame_lines(self._segments, self._answers, scene.human_table.id.tolist())
+        ids, doors = scene.human_table.id.tolist(), len(scene.moving_doors)
+        frames, final = frame_lines(self._segments, self._answers, ids, doors)
         ends = {**self._header(scene, outcome), "frames": [], "final": final, "software": software_versions()}
         return Document.of(ends, self._frames if self._count else None, frames)
 
@@ -218,7 +219,7 @@ class EpisodeRecorder:
         """The last state that was recorded."""
         assert self.scene is not None
         last = self._segments[-1]
-        state = State(last.rows[-1], last.activity, last.is_present)
+        state = State(last.rows[-1], last.activity, last.is_present, len(self.scene.moving_doors))
         tick = last.tick + len(last.rows) - 1
         return Snapshot.of_state(
             tick, self.scene, state, last.interactions, last.contacts, last.events, last.contacts_of_robots
@@ -249,7 +250,8 @@ class EpisodeRecorder:
         assert self.scene is not None
         count, last = len(self._answers) - left, self._segments[-1]
         segments, answers = [*self._segments[:-1], last.part(0, 1)], self._answers[:count]
-        lines, _ = frame_lines(segments, answers, self.scene.human_table.id.tolist())
+        ids, doors = self.scene.human_table.id.tolist(), len(self.scene.moving_doors)
+        lines, _ = frame_lines(segments, answers, ids, doors)
         counts = self._counts_of(self.scene, self._segments[:-1], answers)
         if self._frames is None:
             self._frames = SpooledTemporaryFile(_IN_MEMORY)  # noqa: SIM115  # it lives as long as the recorder

@@ -84,7 +84,8 @@ def consistent_scene(scene: Scene) -> JsonDict:
 def _count_findings(document: JsonDict) -> Iterator[Finding]:
     """Lists that are longer than the schema allows, for a scene that is not compared with the schema."""
     fixtures = {f"room.{key}": ring for key, ring in document["room"].items()}
-    fixtures |= {key: document[key] for key in _FIXTURES} | {"areas": document.get("areas", ())}
+    fixtures |= {key: document[key] for key in _FIXTURES}
+    fixtures |= {key: document.get(key, ()) for key in ("areas", "interior_doors")}
     for place, entries in fixtures.items():
         if len(entries) > MAX_COUNT:
             yield place, f"there are {len(entries)}; the limit is {MAX_COUNT}"
@@ -162,6 +163,7 @@ def _id_findings(document: JsonDict) -> Iterator[Finding]:
     ids = {key: [row["id"] for row in document[key]] for key in _ENTITIES}
     robots = [other["id"] for other in document.get("robots") or ()]
     of_kinds = {"ids": [ROBOT_ID, *robots, *ids["humans"], *ids["objects"]]} | {key: ids[key] for key in _ENTITIES[2:]}
+    of_kinds["interior_doors"] = [door["id"] for door in document.get("interior_doors") or ()]
     for kind, numbers in of_kinds.items():
         for id, count in Counter(numbers).items():
             if count > 1:
@@ -175,6 +177,9 @@ def _id_findings(document: JsonDict) -> Iterator[Finding]:
     for human in document["humans"]:
         if human["behaviour"] == "recorded" and not human["track"]:
             yield "humans", f"human {human['id']} is recorded but has no track"
+    for door in document.get("interior_doors") or ():
+        if door["kind"] == "sliding" and door.get("opening", 0.0) < 0.0:
+            yield "interior_doors", f"the opening of sliding door {door['id']} is below 0"
     yield from _start_findings(document, set(ids["queues"]))
 
 
@@ -249,6 +254,7 @@ def _state_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Find
     time = states[0]["time"]
     count, names = len(document["humans"]), document["activities"]
     robots, arrivals = len(document.get("robots") or ()), document["outcome"].get("arrivals") or ()
+    doors = sum(door["opened_by"] != "nobody" for door in document.get("interior_doors") or ())
     if len(arrivals) != (1 + robots if robots else 0) or any(tick and tick >= len(states) for tick in arrivals):
         yield "outcome.arrivals", f"must be a tick or null for each of {1 + robots} robots, got {shown(arrivals)}"
     for t, state in enumerate(states):
@@ -260,6 +266,9 @@ def _state_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Find
             yield f"frames.{t}.time", f"is {state['time']} s, but {time} s in the state before"
             return
         time = state["time"]
+        if len(state.get("doors") or ()) != doors:
+            yield f"frames.{t}.doors", f"{len(state.get('doors') or ())} of {doors} interior doors that move"
+            return
         if len(state.get("robots") or ()) != robots:
             yield f"frames.{t}.robots", f"{len(state.get('robots') or ())} of {robots} other robots"
             return
@@ -340,7 +349,9 @@ def _reference_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[
     humans, things = ({row["id"] for row in document[key]} for key in ("humans", "objects"))
     robots = {ROBOT_ID, *(other["id"] for other in document.get("robots") or ())}
     known = humans | things | robots
-    touchable = {"human": humans, "object": things, "wall": range(len(document["walls"])), "robot": robots}
+    doors = {door["id"] for door in document.get("interior_doors") or ()}
+    walls = range(len(document["walls"]))
+    touchable = {"human": humans, "object": things, "wall": walls, "door": doors, "robot": robots}
     for src, relation, dst in document["interactions"]:
         if src not in humans or dst not in known or relation not in RELATIONS:
             yield "interactions", f"{relation} of {src} and {dst}: unknown relation or entity"

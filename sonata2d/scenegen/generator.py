@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core.arguments import whole_number
+from ..core.doors import InteriorDoor
 from ..core.entities import Furniture, Human
 from ..core.geometry import Barriers, Pose
 from ..core.rng import RandomStream
@@ -19,6 +20,7 @@ from ..core.scene import Scene, standing_throughout
 from ..errors import SceneError
 from .floor_plans import FloorPlan, draw_floor_plan
 from .human_sampling import ReactionSampler
+from .interior_doors import place_interior_doors, zones_of
 from .journeys import Journeys, plan_journeys, with_visitors
 from .numbering import number_entities, ordered_entities
 from .pieces import fixed_furniture
@@ -74,7 +76,9 @@ def generate(config: str | Path | ScenarioConfig, seed: int = 0, episode: int = 
     _check_furniture(fixed, plan)
     furniture = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
     journey_rng = RandomStream(seed, episode, "journeys")  # so that scenes without journeys stay the same
-    journeys = plan_journeys(scenario, plan, reserved_outlines(scenario) + furniture, journey_rng)
+    inner = place_interior_doors(scenario, plan, RandomStream(seed, episode, "scene", "interior doors"))
+    occupied = reserved_outlines(scenario) + furniture + zones_of(inner)
+    journeys = plan_journeys(scenario, plan, occupied, journey_rng)
     # each type of furniture has a stream, so that a further type changes nothing else in a scene
     stream_of = cache(partial(RandomStream, seed, episode, "scene"))
     clusters = sample_entities(scenario, rng, stream_of)
@@ -82,7 +86,7 @@ def generate(config: str | Path | ScenarioConfig, seed: int = 0, episode: int = 
     failures: list[SceneError] = []
     while True:
         try:
-            scene = _try_layout(scenario, plan, fixed, clusters, journeys, reactions, rng, stream_of)
+            scene = _try_layout(scenario, plan, fixed, clusters, journeys, inner, reactions, rng, stream_of)
             break
         except SceneError as error:
             failures.append(error)
@@ -133,6 +137,7 @@ def _try_layout(
     fixed: tuple[Furniture, ...],
     clusters: list[EntityCluster],
     journeys: Journeys,
+    inner: tuple[InteriorDoor, ...],
     reactions: ReactionSampler,
     rng: RandomStream,
     stream_of: TypeStreams,
@@ -150,7 +155,7 @@ def _try_layout(
     furniture_outlines = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
     layout = Layout(plan, config, reserved_outlines(config), furniture_outlines)
     place_given(config, people, layout, fixed)
-    layout.occupy(list(journeys.zones))
+    layout.occupy([*journeys.zones, *zones_of(inner)])
     placed: dict[int, list[Pose]] = {}
     for k in sorted(range(len(clusters)), key=lambda k: (clusters[k].fixed is None, -cluster_radius(clusters[k]))):
         # furniture that nobody attends to has the stream of its type
@@ -163,6 +168,7 @@ def _try_layout(
     drawn = [(clusters[k], placed[k]) for k in sorted(placed)]
     humans, furniture = ordered_entities(drawn, fixed)
     obstacles = _obstacles(plan, humans.values(), furniture.values()).joined(standing_throughout(people.humans))
+    obstacles = obstacles.joined(Barriers.of([door.leaf(door.opening) for door in inner if not door.moves]))
     closed = [edge for area in config.areas if area.no_go for edge in area.area().edges()]
     obstacles = obstacles.joined(Barriers.of(closed))  # of robots
     robot, goal = draw_robot_task(config, layout, obstacles, rng, tuple(furniture.values()))
@@ -191,6 +197,7 @@ def _try_layout(
         social=config.social,
         dropped=tuple(_label(clusters, k) for k in range(len(clusters)) if k not in placed),
         doors=journeys.doors,
+        interior_doors=inner,
         queues=journeys.queues,
         places=journeys.places,
     )

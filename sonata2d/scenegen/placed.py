@@ -31,7 +31,7 @@ from .robot_task import reserved_outlines
 from .scenario.base import Jitter, Range, Settings
 from .scenario.config import ScenarioConfig
 from .scenario.people import PersonSpec, Track
-from .scenario.sections import GoalConfig, PersonConfig, RobotConfig
+from .scenario.sections import GoalConfig, InteriorDoorConfig, PersonConfig, RobotConfig
 
 S = TypeVar("S", bound=Settings)
 _SLOW = 0.1  # m/s, below which a velocity does not determine where a pedestrian faces
@@ -129,6 +129,7 @@ def mirror_config(config: ScenarioConfig) -> ScenarioConfig:
     sections = {key: _mirrored(getattr(config, key)) for key in ("robot", "goal", "groups")}
     keys = ("doors", "queues", "places", "areas", "people")
     lists = {key: tuple(map(_mirrored, getattr(config, key))) for key in keys}
+    lists["interior_doors"] = tuple(map(_mirrored_door, config.interior_doors))
     robots = tuple(_mirrored(other).model_copy(update={"goal": _mirrored(other.goal)}) for other in config.robots)
     return config.model_copy(update={**sections, **lists, "furniture": tuple(furniture), "robots": robots})
 
@@ -160,6 +161,12 @@ _MIRRORS: dict[str, Callable[[Any], Any]] = {
 def _mirrored(section: S) -> S:
     values = {key: getattr(section, key) for key in _MIRRORS if key in type(section).model_fields}
     return section.model_copy(update={k: _MIRRORS[k](value) for k, value in values.items() if value is not None})
+
+
+def _mirrored_door(door: InteriorDoorConfig) -> InteriorDoorConfig:
+    """The mirror image of an interior door, which is open to the other side."""
+    opening = -door.opening if door.kind == "hinged" else door.opening
+    return _mirrored(door).model_copy(update={"opening": opening})
 
 
 # Creation of pedestrians

@@ -10,6 +10,7 @@ from typing import Any
 import pymunk
 from pymunk._chipmunk_cffi import ffi, lib
 
+from ..core.doors import InteriorDoor
 from ..core.entities import Furniture, Human
 from ..core.geometry import Disc, Edge, Outline, Point
 from ..core.scene import Scene
@@ -35,10 +36,12 @@ class Bodies:
         torsos: shapes of the pedestrians; the kernel turns them in every substep.
         outlines: shapes of each robot that is no disc: its sides, then its corners; the kernel turns them too.
         corners: of such robots, in the body frame, m.
+        leaves: shapes of each door that moves: a segment and the circles at its ends, which the kernel moves.
     """
 
     def __init__(self, scene: Scene) -> None:
-        self._static = _static_shapes_of(scene)
+        self.leaves = [_leaf_of(door) for door in scene.moving_doors]
+        self._static = _static_shapes_of(scene) + [shape for leaf in self.leaves for shape in leaf]
         self._start: list[tuple[Point, Point]] = [(human.pose.position, human.velocity) for human in scene.humans]
         robots = [robot for robot, _ in scene.tasks]
         self._start += [(robot.pose.position, (0.0, 0.0)) for robot in robots]
@@ -94,6 +97,12 @@ class Bodies:
         _set_group([self.torsos[k]], _seat_group(seat) if seat >= 0 else 0)
 
 
+def _leaf_of(door: InteriorDoor) -> list[CObject]:
+    """The leaf of a door: a segment, and a circle at each end."""
+    start, end, radius = door.leaf(door.opening)
+    return [_segment(ffi.NULL, start, end, radius), _circle(ffi.NULL, start, radius), _circle(ffi.NULL, end, radius)]
+
+
 class _Contents:
     """Shapes and bodies, and the space that they are in.
 
@@ -136,8 +145,9 @@ def is_recorded(human: Human) -> bool:
 
 
 def _static_shapes_of(scene: Scene) -> list[CObject]:
-    """The walls and the furniture of a scene."""
+    """The walls and the furniture of a scene, and the doors that nobody opens."""
     shapes = _static_segments([(w.start, w.end, 0.0) for w in scene.straight_walls.values()])
+    shapes += _static_segments([door.leaf(door.opening) for door in scene.interior_doors if not door.moves])
     for k, piece in enumerate(scene.furniture):
         if piece.on is None:
             solid = _static_shapes(piece)

@@ -45,7 +45,7 @@ def member_of(
             row=world.row,
             activity=np.zeros(count, dtype=np.int64),
             is_present=np.ones(count, dtype=bool),
-            is_wall=np.array([kind == "wall" for kind, _ in scene.barrier_owner], dtype=bool),
+            is_wall=np.array([kind != "object" for kind, _ in scene.barrier_owner], dtype=bool),
             goal=goal_row(scene.goal),
             ends_on=np.array(["goal" in scene.rules.ends_on, "contact" in scene.rules.ends_on]),
             clock=np.array([world.tick, scene.rules.last_tick], dtype=np.int64),

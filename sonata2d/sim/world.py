@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any, get_args
 
 import numpy as np
 import pymunk
@@ -19,22 +19,23 @@ import pymunk
 from ..agents.drives.base import drive_of, drive_state
 from ..agents.pedestrians.crowd import Crowd
 from ..agents.pedestrians.models.base import physics_steps
-from ..core.barrier_grid import solids_of
 from ..core.compiled.calls import FLOAT, PACKED, address_of
 from ..core.compiled.kernel import say_if_slow
 from ..core.compiled.packing import Kept, Packed
 from ..core.devices import DeviceEvent
+from ..core.doors import Doors, door_frames, solids_with_doors
 from ..core.entities import Robot
 from ..core.geometry import Point, Twist
 from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, X, Y, activities_of_present, frozen
 from ..core.portable_math import Array, IntArray
 from ..core.scene import Scene, initial_activities
-from ..core.snapshot import Contact, CrowdCommands, Snapshot
+from ..core.snapshot import Contact, ContactKind, CrowdCommands, Snapshot
 from ..core.state import HUMAN_SIZE, ROBOT_SIZE, State
 from ..core.tasks import next_stage, set_present_goal
 from .bodies import Bodies, is_recorded
 from .kernel.body import body_of
-from .kernel.chipmunk import EngineMemory
+from .kernel.chipmunk import EngineMemory, address_in_engine
+from .kernel.doors import move_doors, place_leaves
 from .kernel.presence import attendance_of
 from .kernel.rules import maximum_speeds, rules_of, walking_speeds
 from .kernel.safety import FASTEST_PERSON, OTHER_AT_FAULT, ROBOT_AT_FAULT, Guard
@@ -43,7 +44,7 @@ from .kernel.tick import DONE, LONGER_LISTS, may_change, run_tick, tick_calls
 
 # fields of `Buffers` that stay the same
 _CONSTANT = frozenset({"solids", "handle", "addresses", "torsos", "outline", "corners", "rules", "robots"})
-_CONTACT_ORDER = {"human": 0, "object": 1, "wall": 2, "robot": 3}
+_CONTACT_ORDER = {kind: k for k, kind in enumerate(get_args(ContactKind))}
 
 
 class World:
@@ -67,7 +68,8 @@ class World:
         count, self._substeps = len(scene.humans), physics_steps(scene)
         self._bodies = Bodies(scene)
         space = self._bodies.new_space()
-        self.row = np.zeros(ROBOT_SIZE + HUMAN_SIZE * count + ROBOT_SIZE * len(scene.robots))  # as `State.row`
+        size = ROBOT_SIZE + HUMAN_SIZE * count + ROBOT_SIZE * len(scene.robots)
+        self.row = np.zeros(size + len(scene.moving_doors))  # as `State.row`
         shoulder = scene.human_table.shoulder.copy()
         self._engine = EngineMemory(space, self._bodies.bodies, self._bodies.torsos, shoulder)
         self._buffers = Buffers(
@@ -75,7 +77,8 @@ class World:
             posture=np.zeros((count, 3)),
             robots=np.zeros(1 + len(scene.robots), dtype=np.int64),
             commands=np.zeros((1 + len(scene.robots), 3)),
-            solids=solids_of(scene.barriers),
+            solids=solids_with_doors(scene.barriers, scene.moving_doors),
+            doors=_doors(scene, self.row[size:], self._bodies),
             acceleration=np.zeros((count, 2)),
             attendance=attendance_of(scene),
             sits_on=np.full(count, -1),
@@ -110,7 +113,7 @@ class World:
         self._may_change = may_change(scene)
         read_state(self.argument)
         self._check_order()
-        begin(self.argument)
+        self._begin()
         self._seats_at_start = _seats_at_start(scene)
         self.set_seats(self._seats_at_start)
         self._kept: list[Kept] = []
@@ -124,7 +127,7 @@ class World:
             guard: its own.
         """
         robot, drive = scene.robot, drive_of(scene.robot)
-        first = len(self.row) - ROBOT_SIZE * len(scene.robots) + ROBOT_SIZE * (number - 1) if number else 0
+        first = ROBOT_SIZE * number + HUMAN_SIZE * len(scene.humans) if number else 0
         state = self.row[first : first + ROBOT_SIZE]
         state[BODY_X], state[BODY_Y] = robot.pose.direction
         is_shaped = drive.is_coupled or len(robot.outline.core) > 1 or len(scene.robots) > 0
@@ -157,7 +160,7 @@ class World:
             interactions = tuple(i for i in interactions if i.src not in absent and i.dst not in absent)
             activity = activities_of_present(activity, self.scene.human_table.id, interactions)
             is_present = frozen(~is_absent)
-        state, contacts = State(row, activity, is_present), self._contacts()
+        state, contacts = State(row, activity, is_present, len(self.scene.moving_doors)), self._contacts()
         snapshot = Snapshot.of_state(self.tick, self.scene, state, interactions, contacts[0], events, contacts[1:])
         if self.scene.goal.moves:
             self._stage = next_stage(self.scene.goal, self._stage, snapshot.robot.position)
@@ -252,9 +255,14 @@ class World:
         for kept in self._kept:
             kept.restore()
         self._engine.use(self._bodies.new_space())
-        begin(self.argument)
+        self._begin()
         self.tick, self._stage, self._last_contacts = 0, 0, (b"", ())
         self._activity, self._interactions = initial_activities(self.scene), self.scene.interactions
+
+    def _begin(self) -> None:
+        begin(self.argument)
+        if self.scene.moving_doors:
+            place_leaves(self.argument)
 
     @property
     def argument(self) -> Any:
@@ -274,13 +282,12 @@ class World:
     def _build_contacts(self, guard: Guard) -> tuple[Contact, ...]:
         if not guard.counts[2]:
             return ()
-        faults: dict[tuple[Literal["human", "object", "wall", "robot"], int], int] = {}
+        faults: dict[tuple[ContactKind, int], int] = {}
         for k in np.flatnonzero(guard.human_contact).tolist():
             faults["human", self.scene.humans[k].id] = int(guard.human_contact[k])
         for k in np.flatnonzero(guard.barrier_contact).tolist():
-            owner, id = self.scene.barrier_owner[k]
-            kind: Literal["wall", "object"] = "wall" if owner == "wall" else "object"
-            faults[kind, id] = faults.get((kind, id), 0) | int(guard.barrier_contact[k])
+            owner = self.scene.barrier_owner[k]
+            faults[owner] = faults.get(owner, 0) | int(guard.barrier_contact[k])
         for k in np.flatnonzero(guard.robot_contact).tolist():
             faults["robot", self.scene.robot_ids[k]] = int(guard.robot_contact[k])
         return tuple(
@@ -334,7 +341,7 @@ def _guard(scene: Scene, first_robot: Guard | None = None) -> Guard:
         scene: of the robots.
         first_robot: guard of the first robot, with which that of another one shares the outlines of the humans.
     """
-    humans, barriers, robots = len(scene.humans), len(scene.barriers), 1 + len(scene.robots)
+    humans, barriers, robots = len(scene.humans), len(scene.barrier_owner), 1 + len(scene.robots)
     near = humans + barriers + (sum(len(robot.outline.core) for robot, _ in scene.tasks) if scene.robots else 0)
     first: dict[tuple[str, int], int] = {}
     own: dict[str, Any] = {
@@ -356,6 +363,24 @@ def _guard(scene: Scene, first_robot: Guard | None = None) -> Guard:
         ),
         **own,
     )
+
+
+def _doors(scene: Scene, openings: Array, bodies: Bodies) -> Doors:
+    """The doors that move.
+
+    Args:
+        scene: initial layout.
+        openings: (D,), a part of the row of the state; set to those of the start.
+        bodies: of the scene.
+    """
+    doors = scene.moving_doors
+    openings[:] = [door.opening for door in doors]
+    shapes = np.array([[*map(address_in_engine, leaf)] for leaf in bodies.leaves], dtype=np.int64)
+    memory = np.zeros((len(doors), 4))
+    memory[:, 0] = np.sign(openings)
+    memory[:, 1] = [door.hold for door in doors]
+    move = address_of(move_doors, PACKED) if doors else np.zeros(2, dtype=np.int64)
+    return Doors(door_frames(doors, scene.rules.dt), openings, memory, shapes.reshape(-1, 3), np.zeros((1, 8)), move)
 
 
 def _speed_limits(scene: Scene, steps: int) -> Array:

@@ -9,7 +9,6 @@ import pytest
 
 from sonata2d.core.barrier_grid import (
     Solids,
-    barriers_within,
     find_within,
     is_blocked,
     is_crossed,
@@ -17,6 +16,8 @@ from sonata2d.core.barrier_grid import (
     is_within,
     nearest_within,
     outline_gap,
+    packed_solids,
+    rows_within,
     solids_of,
 )
 from sonata2d.core.geometry import Barriers, segment_distances, segments_cross
@@ -53,7 +54,7 @@ def test_barriers_within_a_distance_are_those_of_a_search_through_all(seed: int)
         expected = np.flatnonzero(gaps < distance)
         found = np.empty(len(barriers), dtype=np.int64)
         assert found[: find_within(solids, x, y, distance, found)].tolist() == expected.tolist()
-        assert barriers_within(barriers, (x, y), distance).tolist() == expected.tolist()
+        assert rows_within(packed_solids(barriers), (x, y), distance).tolist() == expected.tolist()
         assert is_within(solids, x, y, distance) == (len(expected) > 0)
         k, gap = nearest_within(solids, x, y, distance)
         assert gap == (gaps.min() if len(expected) else distance)

@@ -14,7 +14,7 @@ from ...core.compiled.calls import FLAGS, FLOATS, FLOATS2, INT, PACKED, address_
 from ...core.compiled.kernel import IS_COMPILED
 from ...core.compiled.packing import Packed
 from ...core.geometry import Twist
-from ...core.portable_math import IntArray
+from ...core.portable_math import Array, IntArray
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...core.state import HUMAN_SIZE, ROBOT_SIZE
@@ -44,6 +44,14 @@ class KernelController(Controller):
     def memory(self, scene: Scene) -> tuple[Any, ...]:
         """The knowledge of the kernel, and what it remembers in an episode: a named tuple, see `packing.pack`."""
 
+    def move_doors(self, memory: Any, openings: Array) -> None:
+        """Note in the memory how far the interior doors that move are open; called before the kernel.
+
+        Args:
+            memory: of the kernel.
+            openings: (D,), of `scene.moving_doors`.
+        """
+
     def reset(self, scene: Scene) -> None:
         if self.partial:
             raise ControllerError(f"{type(self).__name__} is compiled and reads the whole state: it cannot be partial")
@@ -58,7 +66,9 @@ class KernelController(Controller):
         state = (snapshot.with_robots_as_people() if snapshot.scene.robots else snapshot).state
         row = state.row.copy()  # kernels take writeable arrays
         is_present = (self._everybody if state.is_present is None else state.is_present).copy()
-        humans = row[ROBOT_SIZE:].reshape(-1, HUMAN_SIZE)
+        humans = row[ROBOT_SIZE : len(row) - state.door_count].reshape(-1, HUMAN_SIZE)
+        if state.door_count:
+            self.move_doors(memory.value, state.doors)
         self._kernel(memory.argument, snapshot.tick, row[:ROBOT_SIZE], humans, is_present, command)
         return Twist(*command.tolist())
 
@@ -96,7 +106,7 @@ class KernelController(Controller):
         """
         kind, own = type(self), vars(self)
         is_plain = kind.act is KernelController.act and kind.label is Controller.label and self.image is None
-        is_plain = is_plain and not self.sensors and not self.partial
+        is_plain = is_plain and not self.sensors and not self.partial and not scene.moving_doors
         if not is_plain or "act" in own or "label" in own:
             return None
         return controller_address(self._kernel), self._memory_for(scene)

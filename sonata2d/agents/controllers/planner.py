@@ -9,10 +9,11 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from ...core.at_goal import goal_row, is_at_goal
-from ...core.barrier_grid import Solids, find_within, packed_solids
+from ...core.barrier_grid import Solids, find_within
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Floats, Floats2, Floats3, Floats4, Ints2, unpack
 from ...core.compiled.scalar import gap, rotation, to_shoulder_line
+from ...core.doors import SolidsInMotion
 from ...core.entities import Robot
 from ...core.floats import FloatFields
 from ...core.geometry import Point, Twist
@@ -215,11 +216,14 @@ class SocialPlanner(KernelController):
         )  # fmt: skip
         velocities, turns = _candidate_velocities(robot), [robot.limits.turn * fraction for fraction in _TURNS]
         pairs = [(v, t) for v in range(len(velocities)) for t in range(len(turns))]
+        self._solids = SolidsInMotion(scene.barriers, scene.moving_doors)
+        self._room = self._planned = scene
+        self._ways: dict[int, tuple[CostField, Array]] = {}
         # The last row of each array is for the last command.
         return _Memory(
             numbers=np.array(numbers, dtype=float),
             layers=field.layers,
-            solids=packed_solids(scene.barriers).value,
+            solids=self._solids.packed.value,
             goal=goal_row(goal),
             pairs=np.array([*pairs, (len(velocities), len(turns))]),
             velocities=np.array([*velocities, (0.0, 0.0)]),
@@ -234,6 +238,18 @@ class SocialPlanner(KernelController):
             present_outline=np.empty((2, len(table.id))),
             speed_limits=field.speed_limits,
         )
+
+    def move_doors(self, memory: _Memory, openings: Array) -> None:
+        self._solids.move(openings)
+        room = self._room.for_paths(openings.tolist())
+        if room is self._planned:
+            return
+        self._planned = room
+        if id(room) not in self._ways:  # the scene keeps the rooms
+            field = CostField(room)
+            self._ways[id(room)] = field, heading_field(room, field) if len(memory.headed) else memory.headed
+        field, headed = self._ways[id(room)]
+        memory.layers[:], memory.headed[:], memory.progress[0] = field.layers, headed, math.inf
 
     def command_overridden(self, twist: Twist) -> None:
         self._memory.value.last[:] = twist.vx, twist.vy, twist.omega

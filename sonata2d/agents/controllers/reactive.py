@@ -10,10 +10,11 @@ import numpy as np
 
 from ...core.arguments import finite_number
 from ...core.at_goal import goal_row
-from ...core.barrier_grid import barriers_within
+from ...core.barrier_grid import rows_within
 from ...core.compiled import scalar
 from ...core.compiled.kernel import kernel
 from ...core.compiled.packing import Floats, unpack, zeros
+from ...core.doors import SolidsInMotion
 from ...core.geometry import Point, Twist
 from ...core.humans import BODY_X, BODY_Y, X, Y
 from ...core.navigation import FreeSpace
@@ -21,7 +22,13 @@ from ...core.portable_math import Array, BoolArray, angle_of
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...registry import PEDESTRIAN_MODELS
-from ..pedestrians.models.base import Walkers, checked_acceleration, evaluations_per_tick, pedestrian_model
+from ..pedestrians.models.base import (
+    Walkers,
+    checked_acceleration,
+    evaluations_per_tick,
+    pedestrian_model,
+    use_leaves,
+)
 from ..pedestrians.neighbours import FADING_DISTANCE, INTERACTION_RANGE, WALL_RANGE
 from .base import Controller
 from .compiled import KernelController
@@ -102,18 +109,22 @@ class SocialForce(Controller):
         return controller
 
     def reset(self, scene: Scene) -> None:
-        barriers = scene.robot_barriers.joined(scene.standing_humans)
-        self._space = FreeSpace(scene.outline, barriers, scene.robot.outline.inradius + 0.05)
+        self._room, self._spaces = scene, dict[int, FreeSpace]()
+        self._space = self._space_of(scene)
         self._waypoint = scene.goal.position
         self._model = pedestrian_model(self.model)(scene)
         count = len(scene.humans)
-        self._walkers = _robot_among(count, scene.robot.radius, self.speed, len(scene.barriers))
-        self._barriers = scene.barriers
+        self._walkers = _robot_among(count, scene.robot.radius, self.speed, len(scene.barrier_owner))
+        self._solids = SolidsInMotion(scene.barriers, scene.moving_doors)
+        if scene.moving_doors:
+            use_leaves(self._model, self.model, self._solids.packed.value.table)
         self._far = np.stack((_FAR + np.arange(count + 1.0), np.full(count + 1, _FAR)), axis=1)  # m, of absent humans
 
     def act(self, snapshot: Snapshot) -> Twist:
         robot, goal = snapshot.robot, snapshot.goal
         if snapshot.tick % _REPLANNING_INTERVAL == 0:
+            if self._room.moving_doors:
+                self._space = self._space_of(self._room.for_paths(snapshot.state.doors.tolist()))
             path = self._space.path(robot.position, goal.position)
             self._waypoint = goal.position if path is None or len(path) < 2 else (float(path[1][0]), float(path[1][1]))
         dx, dy = self._waypoint[0] - robot.position[0], self._waypoint[1] - robot.position[1]
@@ -128,6 +139,13 @@ class SocialForce(Controller):
         else:
             turn = angle_of(left, ahead)
         return Twist(ahead, left, self.gain * turn)
+
+    def _space_of(self, room: Scene) -> FreeSpace:
+        """The free space of a room, made once; see `Scene.for_paths`."""
+        if id(room) not in self._spaces:  # the scene keeps the rooms
+            barriers = room.robot_barriers.joined(room.standing_humans)
+            self._spaces[id(room)] = FreeSpace(room.outline, barriers, room.robot.outline.inradius + 0.05)
+        return self._spaces[id(room)]
 
     def _next_velocity(self, snapshot: Snapshot, direction: Point) -> Point:
         """The robot's velocity one tick later under the model, m/s, world frame; humans keep their velocities."""
@@ -160,7 +178,8 @@ class SocialForce(Controller):
         near = np.flatnonzero(distance < INTERACTION_RANGE)
         walkers.neighbour_start[-1], walkers.neighbour[: len(near)] = len(near), near
         walkers.attention[: len(near)] = np.minimum((INTERACTION_RANGE - distance[near]) / FADING_DISTANCE, 1.0)
-        walls = barriers_within(self._barriers, robot.position, WALL_RANGE)
+        self._solids.move(snapshot.state.doors)
+        walls = rows_within(self._solids.packed, robot.position, WALL_RANGE)
         walkers.wall_start[-1], walkers.wall[: len(walls)] = len(walls), walls
 
 

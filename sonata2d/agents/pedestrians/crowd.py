@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from ...core.barrier_grid import solids_of
 from ...core.compiled.calls import FLAG, FLOAT, FLOATS, FLOATS2, INT, PACKED, address_of, call
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Kept, Packed, arrays_of, pack, unpack, zeros
 from ...core.compiled.scalar import Vector, length, rotation, turned_towards, unit_or
+from ...core.doors import set_leaves, solids_with_doors
 from ...core.entities import DEFAULT_MODEL, Interaction
 from ...core.free_space import check_line, check_place
 from ...core.geometry import Barriers, Point
@@ -33,6 +33,7 @@ from .decisions.congestion import avoid_queues
 from .decisions.destinations import choose_destination, find_new_paths, start_straight
 from .decisions.stops import start_stops
 from .decisions.tasks import advance_tasks, begin, find_obstacles, leave, start_stay, update_partners
+from .doorways import doorways_of, wait_at_doors
 from .idling import ARGUING_RESTLESSNESS, change_posture, initial_idling, look_round, stand_straight
 from .models.base import (
     KernelModel,
@@ -42,6 +43,7 @@ from .models.base import (
     evaluations_per_tick,
     pedestrian_model,
     standing_acceleration,
+    use_leaves,
 )
 from .neighbours import find_neighbours, find_walls, with_lists, with_longer_lists
 from .orientation import HEAD_LEAD_TIME, IDLE_SPEED, MINIMUM_HEAD_LEAD, facing, gaze, initial_glances
@@ -108,7 +110,9 @@ class Crowd:
         if names[0] not in PEDESTRIAN_MODELS:
             raise ValueError(PEDESTRIAN_MODELS.unknown(names[0]))
         self._scene, self._model = scene, pedestrian_model(names[0])(scene)
-        self._spaces = Spaces(scene, solids_of(Barriers.of(_blocking_walls(scene))))
+        self._spaces = Spaces(scene, solids_with_doors(Barriers.of(_blocking_walls(scene)), scene.moving_doors))
+        if scene.moving_doors:
+            use_leaves(self._model, names[0], self._spaces.obstacles.solids.table)
         self._state = Packed(_initial_state(scene, self._spaces, self._model))
         self._all_present = True
         self._ids = [*scene.human_table.id.tolist(), *(piece.id for piece in scene.furniture)]
@@ -139,6 +143,7 @@ class Crowd:
             raise ValueError(f"a crowd of {len(own.is_present)} got a snapshot of {len(state.humans)} pedestrians")
         self._set_presence(state.is_present)
         own.robots.state[0], own.robots.state[1:] = state.robot, state.robots
+        own.doorways.openings[:] = state.doors
         while not prepare(self.argument, snapshot.tick, state.humans):
             self.extend_lists()
         acceleration = self._acceleration()
@@ -257,11 +262,14 @@ def _initial_state(scene: Scene, spaces: Spaces, model: PedestrianModel) -> Crow
     humans, count = scene.humans, len(scene.humans)
     company, reactions = company_of(scene), initial_reactions(scene)
     routes, journeys = _routes(scene), _journeys(scene)
-    walkers = with_longer_lists(_walkers(scene), min(count * count, 64 * count), min(len(scene.barriers), 32) * count)
+    walkers = with_longer_lists(
+        _walkers(scene), min(count * count, 64 * count), min(len(scene.barrier_owner), 32) * count
+    )
     law = _law_of(model, scene, walkers)
     return CrowdState(
         robots=robots_of(scene),
         obstacles=spaces.obstacles,
+        doorways=doorways_of(scene),
         routes=routes,
         journeys=journeys,
         fixtures=fixtures_of(scene, spaces.clearance),
@@ -360,7 +368,10 @@ def prepare(packed_state: Any, tick: int, humans: Array) -> bool:
         False if the lists are shorter than `CrowdState.needed`: nothing else has changed.
     """
     crowd = unpack(packed_state, CrowdState)
-    walkers = crowd.walkers
+    walkers, doorways = crowd.walkers, crowd.doorways
+    if len(doorways.openings) > 0:
+        set_leaves(crowd.obstacles.solids.table, doorways.frames, doorways.openings)
+        set_leaves(crowd.obstacles.view_blocks.table, doorways.frames, doorways.openings)
     for k in range(len(humans)):
         walkers.position[k, 0], walkers.position[k, 1] = humans[k, X], humans[k, Y]
         walkers.velocity[k, 0], walkers.velocity[k, 1] = humans[k, VX], humans[k, VY]
@@ -398,6 +409,8 @@ def _decide(crowd: CrowdState, tick: int, humans: Array) -> None:
     keep_lanes(routes, crowd.walkers, calls.check_line, crowd.obstacles.for_space)
     _set_desires(crowd, humans, is_present)
     give_way(crowd.passages, routes, crowd.walkers, humans, is_present, crowd.obstacles.side, crowd.obstacles.dt)
+    if len(crowd.doorways.openings) > 0:
+        wait_at_doors(crowd.doorways, routes, crowd.walkers, humans, is_present)
     for k in range(len(humans)):
         crowd.intentions.robot_in_sight[k] = is_present[k] and choose_robot(
             crowd.reactions, k, crowd.robots, crowd.obstacles.view_blocks, humans
@@ -700,3 +713,4 @@ def _blocking_walls(scene: Scene) -> Iterator[tuple[Point, Point, float]]:
         sides = [(bx - ax) * (y - ay) - (by - ay) * (x - ax) for x, y in scene.polygon]
         if k >= len(scene.polygon) or min(sides) < -1e-9:  # the first walls are the edges of the outline
             yield wall.start, wall.end, 0.0
+    yield from (door.leaf(door.opening) for door in scene.interior_doors if not door.moves)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from ...core.compiled.packing import Bools, Floats, Floats2, Ints
 from ...core.philox import Draws
+from .doorways import Doorways
 from .idling import POSTURES, Idling
 from .models.base import Walkers
 from .orientation import GLANCES, Glances
@@ -107,6 +108,7 @@ class CrowdState(NamedTuple):
 
     robots: Robots
     obstacles: Obstacles
+    doorways: Doorways
     routes: Routes
     journeys: Journeys
     fixtures: Fixtures

@@ -140,7 +140,7 @@ def initial_reactions(scene: Scene) -> Reactions:
         clearance=np.where(kind == SCARED, np.maximum(clearance, _SOCIAL_DISTANCE), clearance),
         size=np.array([human.radius + max(human.shoulder, 0.0) for human in humans], dtype=float),
         length=np.array([max(-human.shoulder, 0.0) for human in humans], dtype=float),
-        walls=np.zeros((len(scene.barriers), 3)),
+        walls=np.zeros((len(scene.barrier_owner), 3)),
     )
 
 

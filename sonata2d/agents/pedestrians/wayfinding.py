@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.barrier_grid import Solids, changeable_solids, fill_grid, set_barrier, solids_of
+from ...core.barrier_grid import Solids, changeable_solids, fill_grid, set_barrier
 from ...core.compiled.kernel import subroutine
 from ...core.compiled.packing import Bools, Floats, Floats2, Ints, Packed
 from ...core.compiled.scalar import angle_of, length
+from ...core.doors import solids_with_doors
 from ...core.entities import PERSON_RADIUS
 from ...core.free_space import Space, is_free
 from ...core.geometry import Point
@@ -41,8 +42,8 @@ class Obstacles(NamedTuple):
     """Obstacles of the pedestrians.
 
     Attributes:
-        solids: walls and furniture.
-        view_blocks: walls that can block a view between two places in the room.
+        solids: walls and furniture, then the leaves of doors that move.
+        view_blocks: walls that can block a view between two places in the room, then these leaves.
         space: free space of paths: people and robots that stand, and the spaces inside groups that talk are added to
             walls and furniture.
         passable: free space of bodies: without the spaces inside groups, and wider by a tolerance; a path that leaves
@@ -133,7 +134,7 @@ class Spaces:
         self.clearance = breadth + _CLEARANCE
         widths = self.clearance, depth + _TIGHT_CLEARANCE, depth - _WALL_TOLERANCE
         plans = [floor_plan(scene.outline, scene.barriers, width) for width in widths]
-        solids, count = solids_of(scene.barriers), len(humans)
+        solids, count = solids_with_doors(scene.barriers, scene.moving_doors), len(humans)
         bodies, around = changeable_solids(solids, count + sides), changeable_solids(solids, 3 * count + sides)
         holes, hole_count = np.zeros((2 * count + 1, 4)), np.zeros(1, dtype=np.int64)
         no_holes = np.zeros((0, 4)), np.zeros(1, dtype=np.int64)

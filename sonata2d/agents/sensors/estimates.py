@@ -130,9 +130,13 @@ class PeopleSensor(Sensor):
         # no person is too far from straight ahead for a view all around
         cosine = -2.0 if is_turn(self.angle) else float(unit_vector(self.angle / 2.0)[0])
         everybody = np.ones(len(table.id), dtype=np.bool_)
+        leaves = [(*start, *end) for start, end, _ in (d.leaf(d.opening) for d in scene.interior_doors)]
+        walls = np.concatenate((walls, np.array(leaves, dtype=float).reshape(-1, 4)))
 
         def rows_in_view(snapshot: Snapshot) -> tuple[IntArray, IntArray]:
             state = snapshot.state
+            for k, door in enumerate(snapshot.doors if scene.moving_doors else (), len(scene.walls)):
+                walls[k] = *door.leaf[0], *door.leaf[1]
             is_present = everybody if state.is_present is None else state.is_present
             present = np.flatnonzero(is_present)
             is_seen = np.ones(len(present) + robots, dtype=np.bool_)

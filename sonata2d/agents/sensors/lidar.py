@@ -105,7 +105,7 @@ class Lidar(Sensor):
         angles = angles_of(self.rays, self.angle) + self.heading
         directions, solids = np.ascontiguousarray(unit_vectors(angles)), packed_solids(scene.barriers)
         sides = sum(len(other.robot.outline.core) for other in scene.robots)
-        lines = np.empty((2 * len(scene.humans) + sides, 5))
+        lines = np.empty((2 * len(scene.humans) + sides + len(scene.moving_doors), 5))
 
         def measure(snapshot: Snapshot, noise: SensorNoise) -> LidarReading:
             row, ranges = snapshot.state.row, np.full(self.rays, self.distance)
@@ -116,6 +116,10 @@ class Lidar(Sensor):
                 shown = side_lines(robot.body.outline, np.array([robot.position]), np.array([robot.direction]))[0]
                 lines[count : count + len(shown)] = shown
                 count += len(shown)
+            for door in snapshot.doors if scene.moving_doors else ():
+                if door.door.moves:
+                    start, end, radius = door.leaf
+                    lines[count], count = (*start, *end, radius), count + 1
             measure_ranges(x, y, c, s, solids.argument, lines[:count], directions, ranges)
             is_hit = ranges < self.distance
             if self.noise > 0.0:

@@ -58,7 +58,7 @@ class ManifestFile(Part):
     family: str
     outcome: Status
     ticks: Count = Field(description="number of frames")
-    contacts: dict[Literal["any", "human", "object", "wall", "robot"], ContactCount] | None = Field(
+    contacts: dict[Literal["any", "human", "object", "wall", "door", "robot"], ContactCount] | None = Field(
         default=None,
         description="by kind of contact, kinds without a contact left out; absent: not counted (imported episodes)",
     )

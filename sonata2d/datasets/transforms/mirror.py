@@ -258,6 +258,12 @@ def _document_image(document: JsonDict, label: LabelImage | None) -> JsonDict:
     """The image of an episode document, with the keys in the same order."""
     origin = document.get("mirrored_from")
     original_thetas = dict(origin["thetas"]) if origin else {}
+    hinged = [door["kind"] == "hinged" for door in document.get("interior_doors") or () if _moves(door)]
+
+    def state_image(state: JsonDict) -> JsonDict:
+        image = _frame_image(state, label)
+        return _doors_image(image, hinged) if hinged else image
+
     images: dict[str, Callable[[Any], Any]] = {
         "rules": lambda rules: rules | {"side": flipped(rules["side"])},  # pedestrians evade to the other side
         "room": _room_image,
@@ -265,17 +271,18 @@ def _document_image(document: JsonDict, label: LabelImage | None) -> JsonDict:
         "walls": lambda walls: [[x2, flipped(y2), x1, flipped(y1)] for x1, y1, x2, y2 in walls],  # with swapped ends
         "objects": lambda objects: _objects_image(objects, original_thetas),
         "doors": lambda doors: [_pose_image(door) for door in doors],
+        "interior_doors": lambda doors: [_interior_door_image(door) for door in doors],
         "queues": lambda queues: [_pose_image(queue) for queue in queues],
         "places": lambda places: [place | {"y": flipped(place["y"])} for place in places],
         "humans": lambda humans: [_human_image(human) for human in humans],
         **_IMAGES_OF_ROBOT,
         "robots": lambda robots: [_robot_image(other) for other in robots],
-        "frames": lambda frames: [_frame_image(frame, label) for frame in frames],
-        "final": lambda frame: _frame_image(frame, label),
+        "frames": lambda frames: [state_image(frame) for frame in frames],
+        "final": lambda frame: state_image(frame),
     }
     sensors = [_sensors_of(robot) for robot in (document, *(document.get("robots") or ()))]
     if any(sensors):
-        images["frames"] = lambda frames: [_readings_image(_frame_image(frame, label), sensors) for frame in frames]
+        images["frames"] = lambda frames: [_readings_image(state_image(frame), sensors) for frame in frames]
     image: JsonDict = {}
     for key, value in document.items():
         if key != "mirrored_from":
@@ -364,6 +371,23 @@ def _area_image(area: JsonDict) -> JsonDict:
     """The image of an area."""
     image = area | {"polygon": _points_image(reversed(area["polygon"]))}
     return image | {"one_way": flipped_angle(area["one_way"])} if "one_way" in area else image
+
+
+def _moves(door: JsonDict) -> bool:
+    return bool(door["opened_by"] != "nobody")
+
+
+def _interior_door_image(door: JsonDict) -> JsonDict:
+    """The image of an interior door; a hinged one opens to the other side."""
+    image = _pose_image(door)
+    is_turned = door["kind"] == "hinged" and "opening" in door
+    return image | {"opening": flipped(door["opening"])} if is_turned else image
+
+
+def _doors_image(state: JsonDict, hinged: list[bool]) -> JsonDict:
+    """The image of a state in the openings of its doors."""
+    openings = [flipped(each) if turns else each for each, turns in zip(state["doors"], hinged, strict=True)]
+    return state | {"doors": openings}
 
 
 def _points_image(points: Iterable[list[Any]]) -> list[list[Any]]:

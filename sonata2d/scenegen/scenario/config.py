@@ -41,6 +41,7 @@ from .sections import (
     FurnitureConfig,
     GoalConfig,
     GroupConfig,
+    InteriorDoorConfig,
     LabelSection,
     OtherRobotConfig,
     PersonConfig,
@@ -90,7 +91,7 @@ class ScenarioConfig(Settings):
         leading_pairs, following_pairs: number of additional pairs that walk one behind the other, `leading_distance`
             apart, m: the one ahead leads, or the one behind follows.
         furniture: pieces at fixed positions.
-        doors, queues, places, areas, attributes: see the sections of these names.
+        doors, interior_doors, queues, places, areas, attributes: see the sections of these names.
         seated: number of additional pedestrians that sit on seats at the start, or fewer where too few are free.
         people: pedestrians that are specified one by one, each with a start, goals or a track.
         sizes: m, by type of furniture: replaces the default sizes or adds types. One number is the radius of a disc,
@@ -115,7 +116,7 @@ class ScenarioConfig(Settings):
     model_config = ConfigDict(extra="allow")  # numbers of further types of furniture
     __pydantic_extra__: dict[str, IntRange] = Field(init=False)
     _optional = frozenset({
-        "robots", "areas", "attributes", "arguing_pairs", "handing_over_pairs", "caring_pairs", "watching_tv",
+        "robots", "areas", "attributes", "interior_doors", "arguing_pairs", "handing_over_pairs", "caring_pairs", "watching_tv",
         "leading_pairs", "following_pairs", "arguing_distance", "handing_over_distance", "caring_distance",
         "tv_distance", "leading_distance",
     })  # fmt: skip
@@ -153,6 +154,7 @@ class ScenarioConfig(Settings):
     queues: Entities[QueueConfig] = ()
     places: Entities[PlaceConfig] = ()
     areas: Entities[AreaConfig] = ()
+    interior_doors: Entities[InteriorDoorConfig] = ()
     attributes: AttributesConfig = AttributesConfig()
     seated: IntRange = IntRange(0, 0)
     people: Annotated[Entities[PersonSpec], AfterValidator(check_people)] = ()
@@ -247,6 +249,13 @@ class ScenarioConfig(Settings):
         if arrivals > MAX_COUNT:
             message = f"{arrivals:.0f} people would enter until rules.time_limit, at most {MAX_COUNT} may"
             raise setting_error(f"{message}; lower the inflow", "doors")
+        return self
+
+    @model_validator(mode="after")
+    def _check_interior_doors(self) -> Self:
+        for k, door in enumerate(self.interior_doors):
+            if door.x is None and {*self.room.kinds} != {"doorway"}:
+                raise setting_error("give x and y; only rooms of the kind doorway have one", "interior_doors", k, "x")
         return self
 
     @model_validator(mode="after")

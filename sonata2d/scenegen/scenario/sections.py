@@ -18,7 +18,8 @@ from pydantic import (
     model_validator,
 )
 
-from ...core.bounds import Capacity, Fraction, NotNegative, Number, Positive
+from ...core.bounds import Capacity, Fraction, NotNegative, Number, Opening, Positive
+from ...core.doors import DoorKind, OpenedBy
 from ...core.entities import AT_PERSON, DEFAULT_CONTROLLER, DEFAULT_MODEL, Area, Formation, Limits, Reaction, RobotTask
 from ...core.files.limits import MAX_NAME
 from ...core.geometry import Disc, Point, Polygon, Rectangle, Shape, canonical_angle, quantised
@@ -171,6 +172,37 @@ class DoorConfig(_DrawnOrFixed):
     inflow: NotNegative = 0.0
     pairs: Fraction = 0.0
     share: NotNegative = 1.0
+
+
+class InteriorDoorConfig(_DrawnOrFixed):
+    """A door in an opening between walls inside the room, with a leaf that opens and closes; see `InteriorDoor`.
+
+    Attributes:
+        x, y: m, world frame: a place in the opening, from which walls on both sides are 0.5 to 3 m apart. Default: the
+            doorway of a room of the kind `doorway`.
+        theta: rad, world frame: direction from the fixed end of the leaf along the closed leaf, up to a right angle.
+            Default: drawn of the two.
+        kind: `hinged`: the leaf turns on its fixed end, away from whoever opens it; `sliding`: it disappears in the
+            wall.
+        opened_by: `anyone`: people and robots, by a sensor; `people`: people, by hand; `request`: also robots that
+            stand before it for 1 s; `nobody`: it stays as it is.
+        opening: at the start: 0: closed; 1: open; of a hinged door also -1: open to the right, as seen from the hinge.
+        opening_time: from closed to open, and back, s.
+        hold: for which the door stays open after the last one has passed, s.
+    """
+
+    theta: Number | None = None
+    kind: DoorKind = "hinged"
+    opened_by: OpenedBy = "anyone"
+    opening: Opening = 0.0
+    opening_time: Annotated[Positive, Ge(0.1)] = 1.5
+    hold: NotNegative = 2.0
+
+    @model_validator(mode="after")
+    def _check_opening(self) -> Self:
+        if self.kind == "sliding" and self.opening < 0.0:
+            raise setting_error("a sliding door opens to one side only; give 0 to 1", "opening")
+        return self
 
 
 class QueueConfig(_DrawnOrFixed):

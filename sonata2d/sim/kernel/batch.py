@@ -38,7 +38,7 @@ class Member(NamedTuple):
         row: of the `State`.
         activity: (N,) of int, scratch.
         is_present: (N,) of bool, scratch.
-        is_wall: (M,) of bool, for each barrier whether it belongs to a wall and not to an object.
+        is_wall: (M,) of bool, for each barrier whether it belongs to a wall or a door and not to an object.
         goal: (5,), see `core.at_goal`.
         ends_on: (2,) of bool, whether goal and contacts end an episode.
         clock: (2,) of int, ticks so far, and the last one.

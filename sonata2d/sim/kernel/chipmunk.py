@@ -20,7 +20,7 @@ from ...core.compiled.packing import Floats, Floats2, Ints
 from ...core.compiled.scalar import half_line
 
 # Items of `Engine.handle`, addresses: of C functions, of the space, and of the requests for reading and writing.
-_STEP, _EACH_BODY, _GET, _SET, _SET_ENDS, _SET_OFFSET, _SPACE, _READ, _WRITE, _PLACE = range(10)
+_STEP, _EACH_BODY, _GET, _SET, _SET_ENDS, _SET_OFFSET, _REINDEX, _SPACE, _READ, _WRITE, _PLACE = range(11)
 _READ_COUNT, _WRITE_COUNT, _PLACE_COUNT = 0, 4, 8  # items of `Engine.counts`: the fields `num` of the buffers
 
 
@@ -34,6 +34,7 @@ _POINTERS = [
         "pmSpaceBodySetIteratorFuncBatched",
         "cpSegmentShapeSetEndpoints",
         "cpCircleShapeSetOffset",
+        "cpSpaceReindexShape",
     )
 ]
 _KINDS = {int(ffi.cast("intptr_t", pointer)): ffi.typeof(pointer) for pointer in _POINTERS}  # types by address
@@ -103,11 +104,11 @@ class EngineMemory:
             request.floatArray, request.intArray = ffi.addressof(header), self._no_integers
             request.fields = wanted.value
         self._space = space  # pymunk frees the C space with it
-        addresses = [*_KINDS, *map(_address, (space._space, *self._requests))]
+        addresses = [*_KINDS, *map(address_in_engine, (space._space, *self._requests))]
         counts = np.frombuffer(ffi.buffer(self._headers), dtype=np.int32)
         motions, forces = numbers[0][: 4 * count].reshape(count, 4), numbers[1][: 2 * count].reshape(count, 2)
-        shapes = np.array([_address(torso) for torso in torsos], dtype=np.int64)
-        of_bodies = np.array([_address(body) for body in bodies], dtype=np.int64)
+        shapes = np.array([address_in_engine(torso) for torso in torsos], dtype=np.int64)
+        of_bodies = np.array([address_in_engine(body) for body in bodies], dtype=np.int64)
         handle = np.array(addresses, dtype=np.int64)
         self.engine = Engine(
             handle, counts, motions, forces, shapes, shoulder, of_bodies, numbers[2][:4],
@@ -121,16 +122,17 @@ class EngineMemory:
             outline: its shapes if it is no disc, see `Engine`.
             corners: in the body frame, m.
         """
-        addresses = np.array([_address(shape) for shape in outline], dtype=np.int64)
+        addresses = np.array([address_in_engine(shape) for shape in outline], dtype=np.int64)
         return self.engine._replace(outline=addresses, corners=np.array(corners, dtype=float).reshape(-1, 2))
 
     def use(self, space: pymunk.Space) -> None:
         """Work on another space with the same bodies."""
         self._space = space
-        self.engine.handle[_SPACE] = _address(space._space)
+        self.engine.handle[_SPACE] = address_in_engine(space._space)
 
 
-def _address(item: Any) -> int:
+def address_in_engine(item: Any) -> int:
+    """The address of an object of the engine."""
     return int(ffi.cast("intptr_t", item))
 
 
@@ -218,6 +220,16 @@ def turn_outline(engine: Engine, c: float, s: float) -> None:
         by = corners[following, 0] * s + corners[following, 1] * c
         _call(engine.handle[_SET_ENDS], (engine.outline[k], ax, ay, bx, by))
         _call(engine.handle[_SET_OFFSET], (engine.outline[count + k], ax, ay))
+
+
+@subroutine
+def move_leaf(engine: Engine, shapes: Ints, x: float, y: float, end_x: float, end_y: float) -> None:
+    """Move the leaf of a door, a segment and the circles at its ends; m."""
+    _call(engine.handle[_SET_ENDS], (shapes[0], x, y, end_x, end_y))
+    _call(engine.handle[_SET_OFFSET], (shapes[1], x, y))
+    _call(engine.handle[_SET_OFFSET], (shapes[2], end_x, end_y))
+    for k in range(len(shapes)):  # the engine does not look for static shapes that have moved
+        _call(engine.handle[_REINDEX], (engine.handle[_SPACE], shapes[k]))
 
 
 @subroutine

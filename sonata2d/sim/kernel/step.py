@@ -20,6 +20,7 @@ from ...core.compiled.scalar import (
     shoulder_line_distance,
     to_shoulder_line,
 )
+from ...core.doors import Doors
 from ...core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, X, Y
 from ...core.portable_math import Array, BoolArray
 from ...core.separation import DISTANCE
@@ -77,7 +78,8 @@ class Buffers(NamedTuple):
         body: outline of the robot.
         limit_motion: address of `shaped.limit_motion`; zeros for a single disc whose drive turns by itself.
         gap_at: address of `shaped.gap_at`; zeros for a disc.
-        solids: walls and furniture.
+        solids: walls and furniture, then the leaves of doors.
+        doors: that move.
         acceleration: (N, 2), m/s^2, of the pedestrians.
         attendance: presence of the pedestrians; absent ones feel no force.
         sits_on: (N,) of int, see `CrowdCommands.seats`.
@@ -104,6 +106,7 @@ class Buffers(NamedTuple):
     limit_motion: Ints
     gap_at: Ints
     solids: Solids
+    doors: Doors
     acceleration: Floats2
     attendance: Attendance
     sits_on: Ints
@@ -133,6 +136,8 @@ def advance(packed_world: Any, vx: float, vy: float, omega: float, is_limited: b
     if first == 0:
         command = buffers.commands[0]
         command[0], command[1], command[2] = vx, vy, omega
+        if len(buffers.doors.openings) > 0:
+            call(buffers.doors.move, (buffers,))
         for r in range(robots):
             _begin_motion(robot_at(buffers, r), is_limited)
         _turn_bodies(buffers)

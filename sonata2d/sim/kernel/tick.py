@@ -66,6 +66,8 @@ def run_tick(
         _note_presence(world, crowd)
         for r in range(len(world.robots)):
             crowd.robots.state[r] = robot_at(world, r).robot
+        for d in range(len(world.doors.openings)):
+            crowd.doorways.openings[d] = world.doors.openings[d]
         if not call_for_flag(crowd.calls.prepare, (crowd, number, world.humans)):
             return LONGER_LISTS
         call(crowd.calls.accelerate, (crowd,))

@@ -151,6 +151,10 @@ class KernelModel:
         self.kernel(self._packed(walkers), parameters, self._barriers, self._side, self._dt, acceleration)
         return acceleration
 
+    def use_barriers(self, table: Array) -> None:
+        """See other barriers than those of the scene: rows of `Barriers.table`, of which some may move."""
+        self._barriers = table
+
     @property
     def memory(self) -> tuple[tuple[Any, ...], ...]:
         """Named tuples of arrays in which the kernel remembers something from tick to tick."""
@@ -172,6 +176,24 @@ class KernelModel:
             self._result = np.zeros((len(walkers.position), 2))
         self._result.fill(0.0)
         return self._result
+
+
+def use_leaves(model: PedestrianModel, name: str, table: Array) -> None:
+    """Let a pedestrian model see the leaves of doors.
+
+    Args:
+        model, name: of the pedestrians.
+        table: of the barriers, the leaves last, see `KernelModel.use_barriers`.
+
+    Raises:
+        ValueError: the model is ordinary Python, and knows the walls of the start only.
+    """
+    if not isinstance(model, KernelModel):
+        raise ValueError(
+            f"the pedestrian model {name} does not see doors that open and close; use a model that is a KernelModel, "
+            "or interior doors with opened_by: nobody"
+        )
+    model.use_barriers(table)
 
 
 def checked_acceleration(model: PedestrianModel, walkers: Walkers) -> Array:
