@@ -4,6 +4,7 @@ from .agents.controllers.human_like import HumanLike as HumanLike
 from .agents.controllers.loading import load_controller as load_controller
 from .agents.controllers.planner import SocialPlanner as SocialPlanner
 from .agents.controllers.reactive import Orca as Orca, SocialForce as SocialForce, StraightToGoal as StraightToGoal
+from .core.doors import InteriorDoor as InteriorDoor
 from .core.entities import Door as Door, Place as Place, Queue as Queue
 from .core.furniture_types import FurnitureType as FurnitureType
 from .core.geometry import Pose as Pose, Twist as Twist

@@ -1,33 +1,23 @@
-"""Doors between the parts of a room: where their leaves are, for kernels and for the interpreter."""
+"""Doors between the parts of a room."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
-from .barrier_grid import Solids, packed_solids, set_barrier, solids_of, with_grid_of
 from .bounds import ADDITIVE, Id, NotNegative, Opening, Positive
-from .compiled.kernel import kernel, subroutine
-from .compiled.packing import Floats, Floats2, Ints, Ints2, Packed
-from .compiled.scalar import rotation
-from .geometry import Barriers, Edge, Point, Pose
-from .portable_math import Array
+from .geometry import Edge, Point, Pose
+from .portable_math import Array, rotation
 
 DoorKind = Literal["hinged", "sliding"]
 OpenedBy = Literal["anyone", "people", "request", "nobody"]
 
 HALF_THICKNESS = 0.02  # m, of a leaf
 OPEN = 0.9  # opening, from which a door counts as open
-_RIGHT_ANGLE = 1.5707963267948966  # rad
-
-# Columns of `door_frames`: the fixed end of the leaf, m; unit vector along the closed leaf; width, m; whether it turns
-# on a hinge; who opens it, as index; change of the opening in a tick; time for which it stays open, s.
-HINGE_X, HINGE_Y, CLOSED_X, CLOSED_Y, WIDTH, IS_HINGED, OPENED_BY, STEP, HOLD = range(9)
-ANYONE, PEOPLE, REQUEST = range(3)
-_OPENED_BY: tuple[OpenedBy, ...] = ("anyone", "people", "request", "nobody")
+RIGHT_ANGLE = 1.5707963267948966  # rad
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +69,13 @@ class InteriorDoor:
         Args:
             opening: of the door, -1 to 1.
         """
-        x, y = leaf_end(door_frames([self], 1.0), 0, float(opening))
-        return self.pose.position, (float(x), float(y)), HALF_THICKNESS
+        (x, y), (ux, uy), size = self.pose.position, self.pose.direction, self.width
+        if self.kind == "sliding":
+            size *= 1.0 - opening
+        elif opening != 0.0:
+            c, s = rotation(opening * RIGHT_ANGLE)
+            ux, uy = ux * c - uy * s, ux * s + uy * c
+        return (x, y), (x + ux * size, y + uy * size), HALF_THICKNESS
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,114 +101,15 @@ class DoorState:
         return self.door.leaf(self.opening)
 
 
-class Doors(NamedTuple):
-    """The D interior doors of a world that move, for kernels.
-
-    Attributes:
-        frames: (D, 9), see `door_frames`.
-        openings: (D,), a part of the row of the state.
-        memory: (D, 4), see `sim.kernel.doors`.
-        shapes: (D, 3) of int, addresses of the leaves in the engine: a segment and its two ends.
-        candidate: (1, 8), scratch, a leaf where it is about to be.
-        move: address of `sim.kernel.doors.move_doors`; zeros if there are no doors.
-    """
-
-    frames: Floats2
-    openings: Floats
-    memory: Floats2
-    shapes: Ints2
-    candidate: Floats2
-    move: Ints
-
-
-def door_frames(doors: Sequence[InteriorDoor], dt: float) -> Array:
-    """Doors for kernels, (D, 9), with the columns above.
+def leaf_lines(doors: Sequence[InteriorDoor], openings: Array) -> Array:
+    """The leaves of doors as thick lines, (T, D, 5): both ends, m, and the radius.
 
     Args:
         doors: D.
-        dt: tick, s.
+        openings: (T, D).
     """
-    rows = [
-        (
-            *door.pose.position, *door.pose.direction, door.width, float(door.kind == "hinged"),
-            float(_OPENED_BY.index(door.opened_by)), dt / door.opening_time, door.hold,
-        )
-        for door in doors
-    ]  # fmt: skip
-    return np.array(rows, dtype=float).reshape(-1, 9)
-
-
-@subroutine
-def leaf_end(frames: Array, d: int, opening: float) -> tuple[float, float]:
-    """The free end of the leaf of door d, m.
-
-    Args:
-        frames: see `door_frames`.
-        d: index of the door.
-        opening: of the door.
-    """
-    ux, uy, width = frames[d, CLOSED_X], frames[d, CLOSED_Y], frames[d, WIDTH]
-    if frames[d, IS_HINGED] == 0.0:
-        width *= 1.0 - opening
-    elif opening != 0.0:
-        c, s = rotation(opening * _RIGHT_ANGLE)
-        ux, uy = ux * c - uy * s, ux * s + uy * c
-    return frames[d, HINGE_X] + ux * width, frames[d, HINGE_Y] + uy * width
-
-
-@subroutine
-def set_leaves(table: Array, frames: Array, openings: Array) -> None:
-    """Set the last rows of a table to the leaves of doors.
-
-    Args:
-        table: (M + D, 8), rows of `Barriers.table`.
-        frames: see `door_frames`.
-        openings: (D,).
-    """
-    first = len(table) - len(frames)
-    for d in range(len(frames)):
-        x, y = leaf_end(frames, d, openings[d])
-        set_barrier(table, first + d, frames[d, HINGE_X], frames[d, HINGE_Y], x, y, HALF_THICKNESS)
-
-
-@kernel
-def move_leaves(table: Array, frames: Array, openings: Array) -> None:
-    """`set_leaves`, for the interpreter."""
-    set_leaves(table, frames, openings)
-
-
-def solids_with_doors(barriers: Barriers, doors: Sequence[InteriorDoor]) -> Solids:
-    """Barriers and the leaves of doors, the last rows, which `set_leaves` moves; those of the barriers without doors.
-
-    Args:
-        barriers: of the room.
-        doors: that move. Their leaves are where they are at the start.
-    """
-    if not doors:
-        return solids_of(barriers)
-    frames = door_frames(doors, 1.0)
-    reach = Barriers.of([(door.pose.position, door.leaf(0.0)[1], door.width + HALF_THICKNESS) for door in doors])
-    solids = with_grid_of(barriers.joined(reach).table.copy())  # its cells list a leaf wherever it can be
-    move_leaves(solids.table, frames, np.array([door.opening for door in doors], dtype=float))
-    return solids
-
-
-class SolidsInMotion:
-    """The barriers of a room with the leaves of doors, for code that is no kernel.
-
-    Args:
-        barriers: that do not move.
-        doors: that move.
-
-    Attributes:
-        packed: for kernels.
-    """
-
-    def __init__(self, barriers: Barriers, doors: Sequence[InteriorDoor]) -> None:
-        self.packed = Packed(solids_with_doors(barriers, doors)) if doors else packed_solids(barriers)
-        self._frames = door_frames(doors, 1.0)
-
-    def move(self, openings: Array) -> None:
-        """Move the leaves to their openings, (D,)."""
-        if len(openings):
-            move_leaves(self.packed.value.table, self._frames, openings.copy())  # kernels take writeable arrays
+    lines = [
+        [(*start, *end, radius) for start, end, radius in map(InteriorDoor.leaf, doors, row)]
+        for row in openings.tolist()
+    ]
+    return np.array(lines, dtype=float).reshape(len(openings), len(doors), 5)

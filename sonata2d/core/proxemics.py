@@ -44,14 +44,14 @@ def clearance(snapshot: Snapshot) -> float:
 
 
 def touched_kind(snapshot: Snapshot) -> str | None:
-    """Kind of outline that the robot touches: the first of `human`, `robot`, `object` and `wall`; None for nothing."""
-    touched = {contact.kind for contact in snapshot.contacts}
+    """Kind of outline that the robot touches: the first of `human`, `robot`, `object` and `wall` (or door)."""
+    touched = {"wall" if contact.kind == "door" else contact.kind for contact in snapshot.contacts}
     return next((kind for kind in ("human", "robot", "object", "wall") if kind in touched), None)
 
 
 def obstacle_clearance(snapshot: Snapshot) -> float:
-    """Gap between the robot and the nearest wall or piece of furniture, m; infinite without obstacles."""
-    barriers = snapshot.scene.barriers
+    """Gap between the robot and the nearest wall, door or piece of furniture, m; infinite without obstacles."""
+    barriers = snapshot.barriers
     if not len(barriers):
         return math.inf
     if len(snapshot.robot.body.outline.core) > 1:

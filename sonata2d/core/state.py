@@ -50,7 +50,7 @@ class State(NamedTuple):
 
     @property
     def doors(self) -> Array:
-        """(D,), openings of the interior doors that move, see `core.doors`."""
+        """(D,), openings of the interior doors that move, see `InteriorDoor`."""
         return self.row[len(self.row) - self.door_count :]
 
     @property

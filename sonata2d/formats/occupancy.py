@@ -55,6 +55,9 @@ def _occupied(scene: Scene, points: Array, cell: float) -> BoolArray:
     occupied = np.zeros(len(points), dtype=bool)
     for wall in scene.walls:  # one at a time, to limit the memory
         occupied |= Barriers.of([(wall.start, wall.end, 0.0)]).gaps(points)[0] <= cell * math.sqrt(0.5)
+    for door in scene.interior_doors:
+        if not door.moves:
+            occupied |= Barriers.of([door.leaf(door.opening)]).gaps(points)[0] <= cell * math.sqrt(0.5)
     for thing in scene.furniture:
         if thing.on is None:  # a thing on another one adds no footprint
             occupied |= _inside(points, thing)

@@ -65,7 +65,7 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
     other_objects = [thing for thing in document["objects"] if written_types[thing["id"]] is None]
     file: JsonDict = {
         "grid": occupancy_grid(scene),
-        "walls": [[*wall.start, *wall.end] for wall in scene.walls],
+        "walls": _walls(record),
         "sequence": _sequence(record, written_types, options),
     }
     if context := _context(record, options):
@@ -238,6 +238,16 @@ def _shape(shape: Shape) -> JsonDict:
     if isinstance(shape, Polygon):  # the rectangle around its centre that contains it
         length, width = (2.0 * max(abs(point[axis]) for point in shape.points) for axis in (0, 1))
     return {"type": "circle" if isinstance(shape, Disc) else "rectangle", "width": width, "length": length}
+
+
+def _walls(record: EpisodeRecord) -> list[list[float]]:
+    scene = record.scene()
+    if scene.moving_doors:
+        raise UnsuitableEpisode(
+            record.path, "it has doors that open and close, and walls of socnav3 do not move", "export to sonata or npz"
+        )
+    leaves = [door.leaf(door.opening) for door in scene.interior_doors]
+    return [[*wall.start, *wall.end] for wall in scene.walls] + [[*start, *end] for start, end, _ in leaves]
 
 
 def _goal(record: EpisodeRecord) -> JsonDict:

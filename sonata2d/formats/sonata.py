@@ -20,6 +20,7 @@ from ..errors import RecordError
 from ..record.canonical import rounded, rounded_rows
 from ..record.files import safe_stem, safe_text
 from ..record.layout import JsonDict
+from ..record.motion import motion_of
 from ..record.record import EpisodeRecord
 from . import estimates
 from .estimates import POSE, POSITION, THETA, VELOCITY
@@ -149,9 +150,9 @@ def _to_robot_frame(points: Array, robot: Array) -> Array:
 
 def _walls_and_goal(record: EpisodeRecord, ticks: list[int]) -> tuple[Any, Any]:
     """Walls, (T, W, 4), and the goal, (T, 2), in the robot frame, as lists."""
-    scene, robot = record.scene(), record.states.robot[ticks][:, None, POSE]
-    ends = np.array([point for wall in scene.walls for point in (wall.start, wall.end)], dtype=float).reshape(1, -1, 2)
-    walls = _to_robot_frame(np.broadcast_to(ends, (len(ticks), *ends.shape[1:])), robot).reshape(len(ticks), -1, 4)
+    robot = record.states.robot[ticks][:, None, POSE]
+    ends = motion_of(record).walls[ticks].reshape(len(ticks), -1, 2)
+    walls = _to_robot_frame(ends, robot).reshape(len(ticks), -1, 4)
     goal = _to_robot_frame(record.goals[ticks][:, None, :2], robot)[:, 0]
     return walls.tolist(), goal.tolist()
 

@@ -14,6 +14,7 @@ from ..core.compiled.scalar import clipped, length, to_line
 from ..core.entities import Furniture, Goal as EntityGoal
 from ..core.geometry import Disc
 from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, X, Y
+from ..core.leaves import door_frames, leaf_end
 from ..core.portable_math import Array, BoolArray, IntArray
 from ..core.scene import Scene
 from ..core.state import HUMAN_SIZE, ROBOT_SIZE
@@ -49,7 +50,8 @@ class Sight(NamedTuple):
         bodies: (N, 2), radius and half the shoulder line of each pedestrian, m.
         objects: (M, 7), columns of `Objects`, world frame.
         object_types: (M,) of int.
-        walls: (W, 4), columns of `Walls`, world frame.
+        walls: (W + D, 4), columns of `Walls`, world frame; the leaves of the doors that move are the last ones.
+        doors: (D, 9), see `core.leaves.door_frames`.
         rows: the entities that have rows.
         is_sorted: whether the nearest entities come first.
         robot_radius: m.
@@ -61,6 +63,7 @@ class Sight(NamedTuple):
     objects: Floats2
     object_types: Ints
     walls: Floats2
+    doors: Floats2
     rows: Rows
     is_sorted: bool
     robot_radius: float
@@ -70,12 +73,16 @@ class Sight(NamedTuple):
 def sight_of(scene: Scene, rows: Rows, arrays: Arrays, is_sorted: bool) -> Sight:
     """The constants of a scene, with rows and arrays to write into."""
     types = [furniture_type(piece.type).number for piece in scene.furniture]
+    walls = [(*wall.start, *wall.end) for wall in scene.walls]
+    doors = sorted(scene.interior_doors, key=lambda door: door.moves)
+    walls += [(*start, *end) for start, end, _ in (door.leaf(door.opening) for door in doors)]
     return Sight(
         goal=goal_columns(scene.goal),
         bodies=np.array([(human.radius, human.shoulder) for human in scene.humans], dtype=float).reshape(-1, 2),
         objects=np.array([_object_row(piece) for piece in scene.furniture], dtype=float).reshape(-1, 7),
         object_types=np.array(types, dtype=np.int64),
-        walls=np.array([(*wall.start, *wall.end) for wall in scene.walls], dtype=float).reshape(-1, 4),
+        walls=np.array(walls, dtype=float).reshape(-1, 4),
+        doors=door_frames(scene.moving_doors, scene.rules.dt),
         rows=rows,
         is_sorted=is_sorted,
         robot_radius=scene.robot.radius,
@@ -115,6 +122,10 @@ def write_observation(
     sight = unpack(packed_sight, Sight)
     arrays, rows = sight.arrays, sight.rows
     _clear(arrays)
+    first = len(sight.walls) - len(sight.doors)
+    for d in range(len(sight.doors)):
+        end_x, end_y = leaf_end(sight.doors, d, row[len(row) - len(sight.doors) + d])
+        sight.walls[first + d, 2], sight.walls[first + d, 3] = end_x, end_y
     _choose_rows(sight, row, is_present, links, link_count)
     _fill_robot(row, sight.robot_radius, time, arrays.robot)
     _fill_goal(row, sight.goal, arrays.goal)

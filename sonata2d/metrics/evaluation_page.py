@@ -317,7 +317,7 @@ def _event(trajectory: Trajectory) -> tuple[int | None, str]:
     """
     if trajectory.collisions:
         first = min(trajectory.collisions, key=lambda c: (not c.robot_at_fault, c.kind != "human", c.first))
-        other = {"human": "person", "object": "furniture", "wall": "wall", "robot": "another robot"}[first.kind]
+        other = {"human": "person", "object": "furniture", "robot": "another robot"}.get(first.kind, first.kind)
         return first.first, f"collision with {other}" + (", caused by the robot" if first.robot_at_fault else "")
     return (int(np.argmin(trajectory.clearance)), "nearest") if trajectory.has_humans else (None, "")
 

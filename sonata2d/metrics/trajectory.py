@@ -5,24 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
+from ..core.doors import leaf_lines
 from ..core.entities import ANY_HEADING
 from ..core.geometry import PRECISION, Barriers, shoulder_lines, to_shoulder_line
 from ..core.outlines import side_lines
 from ..core.portable_math import Array, BoolArray, unit_vectors
 from ..core.scene import Scene
 from ..core.separation import outline_gaps
-from ..core.snapshot import CLOSING_SPEED
+from ..core.snapshot import CLOSING_SPEED, ContactKind
 from ..core.vectors import lengths, wrap_angles
 from ..record.motion import OMEGA, THETA, VX, VY
 from ..record.record import EpisodeRecord
 from .shortest_path import shortest_length
 
-Kind = Literal["human", "object", "wall", "robot"]
-Outline = tuple[Kind, int]  # kind, and id of the human, object or robot, or index of the wall
+Kind = ContactKind
+Outline = tuple[Kind, int]  # kind, and id of the human, object, door or robot, or index of the wall
 Fault = tuple[bool, bool]  # whether the robot's own velocity, and the other's, closes the gap
 
 
@@ -223,8 +223,12 @@ class Trajectory:
 
     @cached_property
     def barrier_clearance(self) -> Array:
-        """(M, L), m, from the robot's outline to each of the scene's M barriers, negative where they overlap."""
-        return gaps_to(self, self.scene.barriers)
+        """(M, L), m, from the robot's outline to each barrier of a snapshot, negative where they overlap."""
+        gaps = gaps_to(self, self.scene.barriers)
+        if not self.scene.moving_doors:
+            return gaps
+        leaves = leaf_lines(self.scene.moving_doors, self.record.states.doors[: len(self)])
+        return np.concatenate((gaps, self._gaps(leaves).T))
 
     @cached_property
     def robot_clearance(self) -> Array:
@@ -306,8 +310,8 @@ def _human_contacts(trajectory: Trajectory) -> Iterator[tuple[Outline, int, Faul
 def _barrier_contacts(trajectory: Trajectory) -> Iterator[tuple[Outline, int, Fault]]:
     """Outline, state index and fault where the clearance to a wall or object is below the contact distance."""
     scene = trajectory.scene
-    owners: tuple[Outline, ...] = scene.barrier_owner  # type: ignore[assignment]
-    near = trajectory.barrier_clearance < scene.rules.contact_distance
+    owners: tuple[Outline, ...] = scene.barrier_owner
+    near = trajectory.barrier_clearance[: len(scene.barriers)] < scene.rules.contact_distance  # doors are in the file
     # the nearest edge of an outline comes last: it decides whose fault the contact is
     order = sorted(np.argwhere(near).tolist(), key=lambda pair: -trajectory.barrier_clearance[tuple(pair)])
     for m, index in order:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ..core.arguments import finite_number
+from ..core.doors import leaf_lines
 from ..core.entities import Interaction
 from ..core.humans import frozen
 from ..core.portable_math import Array, BoolArray, IntArray
@@ -37,7 +38,7 @@ class Motion:
         present: (T + 1, N) of bool.
         activity: (T + 1, N) of int, index into `relations.ACTIVITIES`; -1 where not present.
         goal: (T + 1, 3), columns x, y, theta.
-        walls: (T + 1, W, 4), columns x1, y1, x2, y2.
+        walls: (T + 1, W, 4), columns x1, y1, x2, y2; the leaves of interior doors are the last ones.
         objects: (T + 1, O, 3), columns x, y, theta, in the order of the scene.
         command, executed: (T, 3), columns vx, vy, omega; always in the body frame.
         interactions: for each state.
@@ -69,6 +70,9 @@ def motion_of(record: EpisodeRecord) -> Motion:
     scene, states = record.scene(), record.states
     rows = [*record.document["frames"], record.document["final"]]
     walls = np.array([[*wall.start, *wall.end] for wall in scene.walls], dtype=float).reshape(-1, 4)
+    fixed = [door for door in scene.interior_doors if not door.moves]
+    standing = leaf_lines(fixed, np.tile([door.opening for door in fixed], (len(rows), 1)))[..., :4]
+    moving = leaf_lines(scene.moving_doors, states.doors)[..., :4]
     poses = [[thing.pose.x, thing.pose.y, thing.pose.theta] for thing in scene.furniture]
     objects = np.array(poses, dtype=float).reshape(-1, 3)
     return Motion(
@@ -80,7 +84,7 @@ def motion_of(record: EpisodeRecord) -> Motion:
         present=states.present,
         activity=states.activity,
         goal=record.goals,
-        walls=_repeated(walls, len(rows)),
+        walls=frozen(np.concatenate((_repeated(walls, len(rows)), standing, moving), axis=1)),
         objects=_repeated(objects, len(rows)),
         command=record.command,
         executed=record.executed,

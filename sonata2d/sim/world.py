@@ -23,10 +23,10 @@ from ..core.compiled.calls import FLOAT, PACKED, address_of
 from ..core.compiled.kernel import say_if_slow
 from ..core.compiled.packing import Kept, Packed
 from ..core.devices import DeviceEvent
-from ..core.doors import Doors, door_frames, solids_with_doors
 from ..core.entities import Robot
 from ..core.geometry import Point, Twist
 from ..core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, X, Y, activities_of_present, frozen
+from ..core.leaves import Doors, door_frames, solids_with_doors
 from ..core.portable_math import Array, IntArray
 from ..core.scene import Scene, initial_activities
 from ..core.snapshot import Contact, ContactKind, CrowdCommands, Snapshot

@@ -55,8 +55,8 @@ def test_published_pages_agree_with_the_models() -> None:
 def test_the_definitions_of_the_published_schema_have_fixed_names() -> None:
     names = (
         "Area AttributeSpec Branch Column Columns Contact Controller DiscShape Door Event Frame Goal Group Human "
-        "Imported ImportedTracks LabelSpec LastLook Limits Mirror Object OtherFrame OtherRobot OtherState Outcome "
-        "Place PolygonShape Queue RectangleShape Robot Room Rules Sensor Social Software"
+        "Imported ImportedTracks InteriorDoor LabelSpec LastLook Limits Mirror Object OtherFrame OtherRobot "
+        "OtherState Outcome Place PolygonShape Queue RectangleShape Robot Room Rules Sensor Social Software"
     )
     assert sorted(Episode.model_json_schema()["$defs"]) == names.split()
 

@@ -13,11 +13,11 @@ from ...core.barrier_grid import Solids, find_within
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Floats, Floats2, Floats3, Floats4, Ints2, unpack
 from ...core.compiled.scalar import gap, rotation, to_shoulder_line
-from ...core.doors import SolidsInMotion
 from ...core.entities import Robot
 from ...core.floats import FloatFields
 from ...core.geometry import Point, Twist
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
+from ...core.leaves import SolidsInMotion
 from ...core.portable_math import Array, BoolArray, IntArray
 from ...core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
 from ...core.scene import Scene

@@ -14,9 +14,9 @@ from ...core.barrier_grid import rows_within
 from ...core.compiled import scalar
 from ...core.compiled.kernel import kernel
 from ...core.compiled.packing import Floats, unpack, zeros
-from ...core.doors import SolidsInMotion
 from ...core.geometry import Point, Twist
 from ...core.humans import BODY_X, BODY_Y, X, Y
+from ...core.leaves import SolidsInMotion
 from ...core.navigation import FreeSpace
 from ...core.portable_math import Array, BoolArray, angle_of
 from ...core.scene import Scene

@@ -14,11 +14,11 @@ from ...core.compiled.calls import FLAG, FLOAT, FLOATS, FLOATS2, INT, PACKED, ad
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Kept, Packed, arrays_of, pack, unpack, zeros
 from ...core.compiled.scalar import Vector, length, rotation, turned_towards, unit_or
-from ...core.doors import set_leaves, solids_with_doors
 from ...core.entities import DEFAULT_MODEL, Interaction
 from ...core.free_space import check_line, check_place
 from ...core.geometry import Barriers, Point
 from ...core.humans import BODY_X, BODY_Y, MAXIMUM_SPEED_RATIO, VX, VY, X, Y, frozen
+from ...core.leaves import set_leaves, solids_with_doors
 from ...core.path_search import find_path
 from ...core.philox import draws_of
 from ...core.portable_math import Array, BoolArray, IntArray

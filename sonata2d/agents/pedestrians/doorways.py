@@ -10,8 +10,8 @@ import numpy as np
 from ...core.compiled.kernel import subroutine
 from ...core.compiled.packing import Floats, Floats2
 from ...core.compiled.scalar import length, to_line
-from ...core.doors import CLOSED_X, CLOSED_Y, HINGE_X, HINGE_Y, IS_HINGED, WIDTH, door_frames
 from ...core.humans import X, Y
+from ...core.leaves import CLOSED_X, CLOSED_Y, HINGE_X, HINGE_Y, IS_HINGED, WIDTH, door_frames
 from ...core.portable_math import Array, BoolArray
 from ...core.scene import Scene
 from .models.base import Walkers
@@ -30,7 +30,7 @@ class Doorways(NamedTuple):
     """The D interior doors of a scene that move, as the pedestrians see them.
 
     Attributes:
-        frames: (D, 9), see `core.doors.door_frames`.
+        frames: (D, 9), see `core.leaves.door_frames`.
         openings: (D,), of the tick.
     """
 

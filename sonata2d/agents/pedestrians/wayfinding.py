@@ -14,11 +14,11 @@ from ...core.barrier_grid import Solids, changeable_solids, fill_grid, set_barri
 from ...core.compiled.kernel import subroutine
 from ...core.compiled.packing import Bools, Floats, Floats2, Ints, Packed
 from ...core.compiled.scalar import angle_of, length
-from ...core.doors import solids_with_doors
 from ...core.entities import PERSON_RADIUS
 from ...core.free_space import Space, is_free
 from ...core.geometry import Point
 from ...core.humans import BODY_X, BODY_Y
+from ...core.leaves import solids_with_doors
 from ...core.navigation import FloorPlan, find_edges, floor_plan
 from ...core.portable_math import Array, BoolArray, IntArray
 from ...core.scene import Scene

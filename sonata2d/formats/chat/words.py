@@ -247,7 +247,7 @@ def story(record: EpisodeRecord) -> list[str]:
             key = contact["kind"], contact["id"]
             if key not in touched:
                 touched.add(key)
-                what = {"human": f"person {key[1]}", "wall": "a wall", "robot": f"robot {key[1]}"}
+                what = {"human": f"person {key[1]}", "wall": "a wall", "door": "a door", "robot": f"robot {key[1]}"}
                 events.append((float(frame["time"]), f"it touches {what.get(key[0]) or name_of(scene, key[1])}"))
     sentences += [f"At {time:.1f} s {text}." for time, text in sorted(events)]
     outcome, is_plain = record.document["outcome"], scene.goal.is_plain

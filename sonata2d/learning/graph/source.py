@@ -16,7 +16,7 @@ from ...core.portable_math import Array, BoolArray, IntArray, arctan2, unit_vect
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...core.vectors import lengths
-from ...errors import RecordError
+from ...errors import RecordError, SceneError
 from ...record.layout import HUMAN_NAMES, ROBOT_NAMES, ROW_HEAD, ROW_THETA, ROW_X, interactions_from_rows
 from ...record.record import EpisodeRecord
 from .features import AXIS_X, AXIS_Y, COLUMNS, LENGTH, RADIUS, WIDTH
@@ -98,11 +98,18 @@ class SceneNodes:
             size, radius, unit vector of theta; world frame.
         pieces: (M, 4), ends of the pieces of walls, m, world frame.
         radius, shoulder: (H,), of all pedestrians, m; see `Humans`.
+
+    Raises:
+        SceneError: the scene has interior doors that open and close; walls of graphs do not move.
     """
 
     def __init__(self, scene: Scene) -> None:
+        if scene.moving_doors:
+            raise SceneError(f"{scene.title} has doors that open and close, and walls of graphs do not move")
         self.scene = scene
-        walls = np.array([(*wall.start, *wall.end) for wall in scene.walls], dtype=float).reshape(-1, 4)
+        leaves = [door.leaf(door.opening)[:2] for door in scene.interior_doors]
+        ends = [*((wall.start, wall.end) for wall in scene.walls), *leaves]
+        walls = np.array(ends, dtype=float).reshape(-1, 4)
         self._wall_indices, self.pieces = wall_pieces(walls)
         self.fixed = frozen(np.concatenate((_object_and_goal_rows(scene), _wall_rows(self.pieces))))
         self.radius, self.shoulder = scene.human_table.radius, scene.human_table.shoulder

@@ -116,7 +116,8 @@ class ScenarioConfig(Settings):
     model_config = ConfigDict(extra="allow")  # numbers of further types of furniture
     __pydantic_extra__: dict[str, IntRange] = Field(init=False)
     _optional = frozenset({
-        "robots", "areas", "attributes", "interior_doors", "arguing_pairs", "handing_over_pairs", "caring_pairs", "watching_tv",
+        "robots", "areas", "attributes", "interior_doors", "arguing_pairs", "handing_over_pairs", "caring_pairs",
+        "watching_tv",
         "leading_pairs", "following_pairs", "arguing_distance", "handing_over_distance", "caring_distance",
         "tv_distance", "leading_distance",
     })  # fmt: skip

@@ -13,11 +13,12 @@ from ...core.barrier_grid import set_barrier
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import unpack
 from ...core.compiled.scalar import clipped, gap, half_line, length, line_gap, quantised, to_line
-from ...core.doors import (
+from ...core.doors import HALF_THICKNESS
+from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
+from ...core.leaves import (
     ANYONE,
     CLOSED_X,
     CLOSED_Y,
-    HALF_THICKNESS,
     HINGE_X,
     HINGE_Y,
     HOLD,
@@ -29,7 +30,6 @@ from ...core.doors import (
     leaf_end,
     set_leaves,
 )
-from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
 from ...core.portable_math import Array
 from .chipmunk import move_leaf
 from .rules import ROBOT_RADIUS, TICK

@@ -20,8 +20,8 @@ from ...core.compiled.scalar import (
     shoulder_line_distance,
     to_shoulder_line,
 )
-from ...core.doors import Doors
 from ...core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, X, Y
+from ...core.leaves import Doors
 from ...core.portable_math import Array, BoolArray
 from ...core.separation import DISTANCE
 from ...core.state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, GUARDED
