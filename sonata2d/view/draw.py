@@ -16,7 +16,7 @@ from .brush import Brush
 from .canvas import Picture, PixelCanvas
 from .figures import draw_way, goal_part, human_parts, robot_part
 from .furniture import draw_furniture, half_size
-from .landmarks import draw_landmarks
+from .landmarks import draw_landmarks, draw_leaves
 from .layers import Layers, draw_gazes, draw_interactions, draw_velocities, draw_zones
 from .palette import FAINT, INK, PAPER, WALL, Colour
 from .projection import DEFAULT_SIDE, Camera
@@ -91,6 +91,7 @@ def draw_moving_parts(
     scene, unmeasured, humans = snapshot.scene, snapshot.scene.unmeasured, list(snapshot.humans)
     if "headings" in unmeasured:  # and with them the directions of the shoulders
         humans = [replace(human, breadth=2 * human.radius, length=0.0) for human in humans]
+    draw_leaves(brush, snapshot.doors)
     if layers.goal and "goal" not in unmeasured:
         for robot, other in zip(snapshot.robots, scene.robots, strict=True):
             draw_way(brush, robot.position, other.goal.position)
@@ -101,7 +102,7 @@ def draw_moving_parts(
         draw_zones(brush, humans, scene.polygon if cut_zones else ())
     draw_interactions(brush, snapshot, humans, spaces=layers.zones, links=layers.links)
     if layers.gaze and "heads" not in unmeasured:
-        draw_gazes(brush, humans, scene)
+        draw_gazes(brush, humans, snapshot)
     ignoring = {human.id for human in scene.humans if human.reacts_to_robot == 0.0}
     for human in humans:
         parts = human_parts(human, snapshot.time, ignores_robot=human.id in ignoring, unmeasured=unmeasured)

@@ -29,7 +29,8 @@ export function stateBetween(scene, before, after, s) {
     const [x, y, theta, ahead, left, omega, touches] = pose(before.robots[n], after.robots[n], s);
     return {...robot, isRobot: true, x, y, theta, ahead, left, omega, touches};
   });
-  return {people, robots, goal: before.goal || scene.goal, links: before.links, time: blend(before.time, after.time, s),
+  const doors = (before.doors || []).map((leaf, n) => leaf.map((value, k) => blend(value, after.doors[n][k], s)));
+  return {people, robots, doors, goal: before.goal || scene.goal, links: before.links, time: blend(before.time, after.time, s),
           robot: {id: 0, isRobot: true, radius: scene.robotRadius, x, y, theta, ahead, left, omega, touches: before.touches}};
 }
 
@@ -111,6 +112,7 @@ export class SceneDrawing {
     else pen.clearRect(0, 0, pen.canvas.width, pen.canvas.height);
     pen.setTransform(s * uy, -s * ux, -s * ux, -s * uy, s * (ux * top - uy * left), s * (uy * top + ux * left));
     this.drawRoom(s);
+    for (const leaf of now.doors) this.drawLeaf(leaf);
     if (layers.goal !== false && this.known("goal")) {
       for (const robot of now.robots) this.drawWay(robot);
       this.place("goal", now.goal[0], now.goal[1]);
@@ -119,7 +121,7 @@ export class SceneDrawing {
     const robots = this.known("robot") ? [...now.robots, now.robot] : [];
     const places = Object.fromEntries([...this.scene.things, ...now.people, ...robots].map(item => [item.id, item]));
     if (layers.zones) this.inRoom(() => now.people.forEach(human => this.drawZones(human)));
-    if (layers.gaze !== false && this.known("heads")) now.people.forEach(human => this.drawGaze(human));
+    if (layers.gaze !== false && this.known("heads")) now.people.forEach(human => this.drawGaze(human, now.doors));
     if (layers.links !== false) now.links.forEach(link => this.drawLink(link, places));
     now.people.forEach(human => this.drawHuman(human, now.time));
     for (const {id, x, y, theta, touches} of robots) this.place((touches ? "touching" : "robot") + (id ? ` ${id}` : ""), x, y, theta);
@@ -148,6 +150,14 @@ export class SceneDrawing {
   }
 
   /** The goal of a robot besides the first one, and the dashed line to it. */
+  /** The leaf of a door. */
+  drawLeaf([x0, y0, x1, y1]) {
+    const {pen, scene: {colours}} = this;
+    for (const [colour, width] of [[colours.leafEdge, .07], [colours.leaf, .035]]) {
+      pen.beginPath(); pen.moveTo(x0, y0); pen.lineTo(x1, y1); pen.strokeStyle = colour; pen.lineWidth = width; pen.stroke();
+    }
+  }
+
   drawWay({id, x, y, goal}) {
     const {pen} = this;
     pen.beginPath(); pen.moveTo(x, y); pen.lineTo(goal[0], goal[1]);
@@ -244,11 +254,11 @@ export class SceneDrawing {
   }
 
   /** The field of view, which ends at walls. */
-  drawGaze(human) {
+  drawGaze(human, doors) {
     const colour = this.scene.tones[human.activity].fill;
     const rays = GAZE_RAYS.map(angle => {
       const limit = human.radius + GAZE_RANGE, c = Math.cos(human.head + angle), s = Math.sin(human.head + angle);
-      return [angle, Math.min(limit, ...this.scene.walls.map(wall => this.distanceTo(wall, human, c, s)))];
+      return [angle, Math.min(limit, ...[...this.scene.walls, ...doors].map(wall => this.distanceTo(wall, human, c, s)))];
     });
     const points = far => rays.map(([a, d]) => [Math.min(d, far) * Math.cos(a), Math.min(d, far) * Math.sin(a)]);
     const rim = points(Infinity), middle = points(human.radius + .66 * GAZE_RANGE);

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
+from ..core.doors import DoorState
 from ..core.entities import Area
 from ..core.furniture_types import WOOD, WOOD_EDGE
 from ..core.geometry import Point, Pose
 from ..core.scene import Scene
 from .brush import Brush
-from .palette import BLUE, FAINT, FLOOR, INK, Colour, mixed
+from .palette import BLUE, FAINT, FLOOR, INK, WALL, Colour, mixed
 
 _WALL_WIDTH = 0.12  # m, as drawn by `room`: outward only
+_LEAF_WIDTH = 0.07  # m
 _JAMB, _LINE = 0.05, 0.02  # m, width of the door frame, and of lines
 _SLOT_RADIUS = 0.13  # m, of the mark where a pedestrian in a queue stands
 _QUEUE, _PLACE = mixed(FLOOR, FAINT, 0.45), mixed(FLOOR, INK, 0.3)
@@ -78,6 +81,30 @@ def draw_door(brush: Brush, width: float) -> None:
         brush.box(WOOD_EDGE, (-_WALL_WIDTH, low), (0.02, high))
         low, high = sorted((side * half, side * 0.62 * half))
         brush.box(WOOD, (-0.75 * _WALL_WIDTH, low), (-0.45 * _WALL_WIDTH, high), WOOD_EDGE, 0.012)
+
+
+def draw_leaves(brush: Brush, doors: Iterable[DoorState]) -> None:
+    """Draw the leaves of interior doors; a sliding one is beside the doorway as far as it is open."""
+    for each in doors:
+        start, end = leaf_as_drawn(each)
+        brush.stroke(WOOD_EDGE, (start, end), _LEAF_WIDTH)
+        brush.stroke(WOOD, (start, end), 0.5 * _LEAF_WIDTH)
+
+
+def leaf_as_drawn(state: DoorState) -> tuple[Point, Point]:
+    """Both ends of the leaf of a door, m, with the part of a sliding one that is in the wall."""
+    start, end, _ = state.leaf
+    if state.door.kind == "sliding":
+        start = state.door.pose.to_world((-state.opening * state.door.width, 0.0))
+    return start, end
+
+
+def draw_leaf(brush: Brush) -> None:
+    """Draw a hinged door that is ajar, as a symbol."""
+    for at in (-0.45, 0.4):
+        brush.stroke(WALL, [(0.0, at), (0.0, at + 0.08)], 0.08)
+    brush.stroke(WOOD_EDGE, [(0.0, -0.37), (0.45, 0.15)], _LEAF_WIDTH)
+    brush.stroke(WOOD, [(0.0, -0.37), (0.45, 0.15)], 0.5 * _LEAF_WIDTH)
 
 
 def draw_queue(brush: Brush, spacing: float, capacity: int) -> None:

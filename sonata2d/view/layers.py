@@ -17,7 +17,6 @@ from ..core.humans import HumanState
 from ..core.portable_math import Array
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
 from ..core.relations import ACTIVITY
-from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from .annotations import STRIP
 from .brush import Brush, body_arc
@@ -100,9 +99,10 @@ def _ray_lengths(place: Array, head: float, walls: Barriers) -> Array:
     return nearest
 
 
-def draw_gazes(brush: Brush, humans: Sequence[HumanState], scene: Scene) -> None:
-    """Draw the pedestrians' fields of view, which end at walls."""
-    rays = _blocked_rays(humans, scene.barriers.subset([*range(len(scene.straight_walls))]))  # walls come first
+def draw_gazes(brush: Brush, humans: Sequence[HumanState], snapshot: Snapshot) -> None:
+    """Draw the pedestrians' fields of view, which end at walls and doors."""
+    walls = snapshot.scene.barriers.subset([*range(len(snapshot.scene.straight_walls))])  # walls come first
+    rays = _blocked_rays(humans, walls.joined(Barriers.of([each.leaf for each in snapshot.doors])))
     for human in humans:
         r, activity = human.radius, human.activity
         position, gaze = human.pose.position, (math.cos(human.head), math.sin(human.head))

@@ -14,7 +14,7 @@ from .brush import Brush
 from .canvas import Canvas
 from .figures import draw_body, draw_chassis, draw_head, draw_plain_body, draw_target
 from .fonts import width_of
-from .landmarks import draw_door, draw_place, draw_queue
+from .landmarks import draw_door, draw_leaf, draw_place, draw_queue
 from .layers import Layers, draw_fan, draw_link_between, draw_shared_space, draw_zones_of
 from .palette import INK
 from .projection import Camera
@@ -35,6 +35,7 @@ TEXTS = {  # English meaning of each symbol
     "contact": "robot in contact",
     "goal": "goal",
     "door": "door",
+    "interior_door": "door that opens",
     "queue": "queue",
     "place": "place of interest",
     "paths": "paths",
@@ -179,6 +180,7 @@ def _entries(
         ("contact", has_robot and has_contacts, partial(_turned, partial(chassis, touches=True)), 2 * _RADIUS),
         ("goal", layers.goal and "goal" not in unmeasured, partial(draw_target, radius=_RADIUS), 2 * _RADIUS),
         ("door", scene.doors, partial(draw_door, width=0.8), 0.8),
+        ("interior_door", scene.interior_doors, draw_leaf, 1.0),
         ("queue", scene.queues, _draw_queue, 0.8),
         ("place", scene.places, partial(draw_place, radius=0.35), 0.8),
         ("paths", paths, partial(draw_path_samples, robot=has_robot), 0.4),

@@ -10,7 +10,9 @@ from typing import Any
 from xml.etree import ElementTree
 
 from ..core.attributes import attribute_text
+from ..core.doors import DoorState
 from ..core.entities import Furniture, Human
+from ..core.furniture_types import WOOD, WOOD_EDGE
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearance, obstacle_clearance, touched_kind
 from ..core.relations import ACTIVITIES, ACTIVITY
 from ..core.scene import Scene
@@ -20,6 +22,7 @@ from .brush import Brush
 from .draw import camera_for, draw_still_parts
 from .figures import draw_chassis, draw_foot, draw_head, draw_limbs, draw_target
 from .furniture import half_size
+from .landmarks import leaf_as_drawn
 from .layers import Layers, visible_interactions
 from .legend import Legend
 from .palette import BLUE, FAINT, FLOOR, GOAL, INK, OTHER_ROBOT, ROBOT, Colour, hex_colour, mixed, shaded
@@ -59,6 +62,8 @@ _COLOURS = {
     "intimateLine": mixed(FLOOR, INK, 0.3),
     "personalLine": mixed(FLOOR, INK, 0.22),
     "link": FAINT,
+    "leaf": WOOD,
+    "leafEdge": WOOD_EDGE,
     "ink": INK,
 }
 
@@ -171,11 +176,17 @@ def state_data(snapshot: Snapshot) -> dict[str, Any]:
         "robot": _robot_row(snapshot.robot),
         **({"robots": [_other_row(snapshot, k) for k in range(len(snapshot.robots))]} if snapshot.robots else {}),
         **({"goal": snapshot.goal.position} if snapshot.goal.moves else {}),
+        **({"doors": [_leaf_row(each) for each in snapshot.doors]} if snapshot.doors else {}),
         "people": _human_rows(snapshot),
         "links": [(link.src, link.dst) for link in visible_interactions(snapshot)],
         "touches": touched_kind(snapshot),
         "clearance": _number(clearance(snapshot)),
     }
+
+
+def _leaf_row(state: DoorState) -> list[float | None]:
+    """Both ends of the leaf of a door, m."""
+    return [_number(value) for point in leaf_as_drawn(state) for value in point]
 
 
 def states_data(snapshots: Sequence[Snapshot]) -> list[dict[str, Any]]:
