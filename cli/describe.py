@@ -207,7 +207,12 @@ def _episode_rows(path: Path) -> Rows:
     sometimes_absent = int((~record.states.present).any(axis=0).sum())
     missing = record.never_entered
     other_paths = [info.path for info in record.controller_info.others]
-    landmarks = {"doors": scene.doors, "queues": scene.queues, "places of interest": scene.places}
+    landmarks = {
+        "doors": scene.doors,
+        "interior doors": scene.interior_doors,
+        "queues": scene.queues,
+        "places of interest": scene.places,
+    }
     goal = f"({scene.goal.x:.6g}, {scene.goal.y:.6g}), reached within {scene.goal.distance:g} m"
     if scene.goal.then:
         goal += ", then " + ", ".join(f"({x:.6g}, {y:.6g})" for x, y in scene.goal.then)

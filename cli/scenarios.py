@@ -165,6 +165,9 @@ _LENGTH = click.FloatRange(0.0, min_open=True)
 @click.option("--doors", multiple=True, metavar="NAME", help="The same for doors.  [default: *door*]")
 @click.option("--furniture", multiple=True, metavar="NAME", help="The same for furniture.  [default: *furn*]")
 @click.option("--rooms", multiple=True, metavar="NAME", help="The same for outlines of rooms.  [default: *room*]")
+@click.option(
+    "--leaves", type=click.Choice(["hinged", "sliding"]), help="Doors between rooms of a drawing open and close."
+)
 @json_option
 def scenario_from_map(map_file: Path, output: Path, **options: Any) -> None:
     """Create a scenario from a floor plan.

@@ -12,7 +12,7 @@ import inspect
 import re
 import tempfile
 from collections.abc import Callable, Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -69,6 +69,11 @@ def scene_of(n: Number) -> s2.Scene:
         (walker, recorded), Robot(s2.Pose(n(2), n(2), n(0)), n(1), limits=Limits(n(1), n(1), n(1), n(2), n(2), n(3))),
         Goal(n(10), n(2), n(1)), rules=Rules(time_limit=n(2)), doors=doors, queues=queues, places=places,
     )  # fmt: skip
+
+
+def with_door(n: Number) -> s2.Scene:
+    door = s2.InteriorDoor(1, s2.Pose(n(6), n(7), n(0)), n(1), opening=n(1), opening_time=n(2), hold=n(1))
+    return replace(scene_of(n), interior_doors=(door,))
 
 
 @cache
@@ -247,6 +252,8 @@ CASES: dict[str, Callable[[Number], Any]] = {
     "sonata2d.Dataset.save": lambda n: split(n)[2],
     "sonata2d.Scene": lambda n: (scene_of(n), document(s2.SocialPlanner(), scene_of(n))),
     **dict.fromkeys(("sonata2d.Door", "sonata2d.Queue", "sonata2d.Place"), scene_of),
+    "sonata2d.InteriorDoor": lambda n: document(s2.SocialPlanner(), with_door(n)),
+    "sonata2d.InteriorDoor.leaf": lambda n: with_door(float).interior_doors[0].leaf(n(1)),
     "sonata2d.Scene.is_on_floor": lambda n: scene().is_on_floor(np.array([(n(3), n(4)), (n(40), n(4))])).tolist(),
     "sonata2d.Scene.save": lambda n: picture(scene, n),
     "sonata2d.Snapshot.save": lambda n: picture(lambda: snapshots()[3], n),

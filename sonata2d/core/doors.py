@@ -10,7 +10,7 @@ import numpy as np
 
 from .bounds import ADDITIVE, Id, NotNegative, Opening, Positive
 from .geometry import Edge, Point, Pose
-from .portable_math import Array, rotation
+from .portable_math import Array, unit_vector
 
 DoorKind = Literal["hinged", "sliding"]
 OpenedBy = Literal["anyone", "people", "request", "nobody"]
@@ -69,11 +69,11 @@ class InteriorDoor:
         Args:
             opening: of the door, -1 to 1.
         """
-        (x, y), (ux, uy), size = self.pose.position, self.pose.direction, self.width
+        (x, y), (ux, uy), size, opening = self.pose.position, self.pose.direction, self.width, float(opening)
         if self.kind == "sliding":
             size *= 1.0 - opening
         elif opening != 0.0:
-            c, s = rotation(opening * RIGHT_ANGLE)
+            c, s = unit_vector(opening * RIGHT_ANGLE)
             ux, uy = ux * c - uy * s, ux * s + uy * c
         return (x, y), (x + ux * size, y + uy * size), HALF_THICKNESS
 

@@ -10,8 +10,8 @@ import numpy as np
 from .barrier_grid import Solids, packed_solids, set_barrier, solids_of, with_grid_of
 from .compiled.kernel import kernel, subroutine
 from .compiled.packing import Floats, Floats2, Ints, Ints2, Packed
-from .compiled.scalar import rotation
-from .doors import HALF_THICKNESS, RIGHT_ANGLE, InteriorDoor, OpenedBy
+from .compiled.scalar import RADIUS, unit_vector
+from .doors import HALF_THICKNESS, OPEN, RIGHT_ANGLE, InteriorDoor, OpenedBy
 from .geometry import Barriers
 from .portable_math import Array
 
@@ -72,7 +72,7 @@ def leaf_end(frames: Array, d: int, opening: float) -> tuple[float, float]:
     if frames[d, IS_HINGED] == 0.0:
         width *= 1.0 - opening
     elif opening != 0.0:
-        c, s = rotation(opening * RIGHT_ANGLE)
+        c, s = unit_vector(opening * RIGHT_ANGLE)
         ux, uy = ux * c - uy * s, ux * s + uy * c
     return frames[d, HINGE_X] + ux * width, frames[d, HINGE_Y] + uy * width
 
@@ -98,6 +98,11 @@ def move_leaves(table: Array, frames: Array, openings: Array) -> None:
     set_leaves(table, frames, openings)
 
 
+def reach_of(doors: Sequence[InteriorDoor]) -> Barriers:
+    """For each door a thick line that contains its leaf wherever it can be."""
+    return Barriers.of([(door.pose.position, door.leaf(0.0)[1], door.width + HALF_THICKNESS) for door in doors])
+
+
 def solids_with_doors(barriers: Barriers, doors: Sequence[InteriorDoor]) -> Solids:
     """Barriers and the leaves of doors, the last rows, which `set_leaves` moves; those of the barriers without doors.
 
@@ -108,8 +113,7 @@ def solids_with_doors(barriers: Barriers, doors: Sequence[InteriorDoor]) -> Soli
     if not doors:
         return solids_of(barriers)
     frames = door_frames(doors, 1.0)
-    reach = Barriers.of([(door.pose.position, door.leaf(0.0)[1], door.width + HALF_THICKNESS) for door in doors])
-    solids = with_grid_of(barriers.joined(reach).table.copy())  # its cells list a leaf wherever it can be
+    solids = with_grid_of(barriers.joined(reach_of(doors)).table.copy())  # its cells list a leaf wherever it can be
     move_leaves(solids.table, frames, np.array([door.opening for door in doors], dtype=float))
     return solids
 
@@ -129,7 +133,14 @@ class SolidsInMotion:
         self.packed = Packed(solids_with_doors(barriers, doors)) if doors else packed_solids(barriers)
         self._frames = door_frames(doors, 1.0)
 
-    def move(self, openings: Array) -> None:
-        """Move the leaves to their openings, (D,)."""
+    def move(self, openings: Array, margin: float = 0.0) -> None:
+        """Move the leaves to their openings.
+
+        Args:
+            openings: (D,).
+            margin: m, by which leaves are thicker that are not open.
+        """
         if len(openings):
-            move_leaves(self.packed.value.table, self._frames, openings.copy())  # kernels take writeable arrays
+            table = self.packed.value.table
+            move_leaves(table, self._frames, openings.copy())  # kernels take writeable arrays
+            table[len(table) - len(openings) :, RADIUS] += np.where(np.abs(openings) < OPEN, margin, 0.0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from .compiled.kernel import kernel, subroutine
 from .compiled.scalar import END_X, END_Y, RADIUS, START_X, START_Y, inverse_square, length, to_line
-from .geometry import Shape
+from .geometry import Outline, Shape
 from .portable_math import Array
 from .vectors import X, Y
 
@@ -152,7 +152,7 @@ def _fill_gaps(core: Array, rounding: float, poses: Array, lines: Array, gaps: A
             gaps[t, m] = found[DISTANCE] - rounding - own[m, 4]
 
 
-def outline_gaps(shape: Shape, position: Array, direction: Array, lines: Array) -> Array:
+def outline_gaps(shape: Outline, position: Array, direction: Array, lines: Array) -> Array:
     """Gaps between an outline and thick lines, (T, M), m; negative where they overlap, NaN for a line that is NaN.
 
     Args:

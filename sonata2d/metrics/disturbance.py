@@ -55,7 +55,8 @@ class RunWithoutRobot:
 
 def _positions_in(frames: Frames) -> list[Array]:
     """Positions of the humans in each frame, (N, 2), m, NaN where absent."""
-    positions = frames.rows[:, ROBOT_SIZE:].reshape(len(frames.rows), -1, HUMAN_SIZE)[..., X : Y + 1].copy()
+    people = frames.rows[:, ROBOT_SIZE : ROBOT_SIZE + HUMAN_SIZE * len(frames.first.scene.humans)]
+    positions = people.reshape(len(people), -1, HUMAN_SIZE)[..., X : Y + 1].copy()
     if (is_present := frames.first.state.is_present) is not None:
         positions[:, ~is_present] = np.nan
     return [*positions]

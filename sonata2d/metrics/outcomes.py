@@ -73,11 +73,13 @@ def object_collisions(trajectory: Trajectory) -> float:
 
 @metric("count", "less", needs={"robot", "robot.radius", "walls"}, headline=True)
 def wall_collisions(trajectory: Trajectory) -> float:
-    """Number of collisions with walls, counted for each straight wall separately, in however many pieces it is drawn.
+    """Number of collisions with walls and doors.
+
+    They are counted for each straight wall separately, in however many pieces it is drawn.
 
     Source: Francis et al., arXiv 2306.16740, table of metrics (WC).
     """
-    return _collisions_with(trajectory, "wall")
+    return _collisions_with(trajectory, "wall", "door")
 
 
 @metric("count", "less", needs=BODIES, headline=True)
@@ -152,9 +154,9 @@ def stalled_time(trajectory: Trajectory) -> float:
     return float(durations[(steps < _STILL_SPEED * durations) & (turns < _STILL_TURN * durations)].sum())
 
 
-def _collisions_with(trajectory: Trajectory, kind: Kind) -> float:
-    """Number of collisions with outlines of a kind."""
-    return float(sum(collision.kind == kind for collision in trajectory.collisions))
+def _collisions_with(trajectory: Trajectory, *kinds: Kind) -> float:
+    """Number of collisions with outlines of some kinds."""
+    return float(sum(collision.kind in kinds for collision in trajectory.collisions))
 
 
 METRICS = (

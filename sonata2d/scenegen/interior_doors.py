@@ -51,7 +51,7 @@ def zones_of(doors: tuple[InteriorDoor, ...]) -> list[PlacedShape]:
 
 
 def _door(id: int, config: InteriorDoorConfig, plan: FloorPlan, rng: RandomStream) -> InteriorDoor:
-    ends = _doorway(plan) if config.x is None or config.y is None else _opening(plan, (config.x, config.y))
+    ends = _doorway(plan) if config.x is None or config.y is None else opening_at(plan, (config.x, config.y))
     hinge, other = ends if rng.uniform() < 0.5 else ends[::-1]
     if config.theta is not None:
         turn = wrap_angle(angle_of(other[1] - hinge[1], other[0] - hinge[0]) - config.theta)
@@ -72,7 +72,7 @@ def _doorway(plan: FloorPlan) -> tuple[Point, Point]:
     return min(pairs, key=lambda pair: length(pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]))
 
 
-def _opening(plan: FloorPlan, place: Point) -> tuple[Point, Point]:
+def opening_at(plan: FloorPlan, place: Point) -> tuple[Point, Point]:
     """The two sides of the opening between walls that a place is in, m.
 
     Raises:

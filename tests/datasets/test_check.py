@@ -41,7 +41,7 @@ def _move(frames: slice, human: int, x: float, y: float) -> Callable[[Any], None
         (set_value("goal", "distance", "near"), "goal.distance", "valid number"),
         (set_value("seed", 1.5), "seed", "integer"),
         (set_value("outcome", "status", "won"), "outcome.status", "'goal'"),
-        (set_value("frames", 2, "contacts", [{"kind": "door"}]), "frames.2.contacts.0.kind", "'human'"),
+        (set_value("frames", 2, "contacts", [{"kind": "doors"}]), "frames.2.contacts.0.kind", "'human'"),
         (set_value("frames", 2, "robot", 0, -0.90001), "frames.2.robot", "not rounded"),
         (set_value("frames", 2, "robot", 1, -0.0), "frames.2.robot", "-0.0"),
         (set_value("frames", 2, "humans", 0, 2, 3.2), "frames.2.humans", "angle is out of range"),

@@ -51,7 +51,7 @@ def record(
     present = np.isfinite(humans[:, :, 0])
     time = dt * np.arange(count)
     others, activity = np.zeros((count, 0, 6)), np.where(present, 0, -1)
-    arrays = States(np.arange(count), time, rows[:, 0], others, humans, present, activity)
+    arrays = States(np.arange(count), time, rows[:, 0], others, humans, present, activity, np.zeros((count, 0)))
     twists = _twists(rows[1:, 0])
     outcome = Outcome(status, "by hand", count - 1, float(time[-1]))
     return EpisodeRecord(Path("by-hand.json"), document, arrays, twists, twists, np.zeros(count - 1, bool), outcome)

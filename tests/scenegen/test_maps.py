@@ -17,7 +17,7 @@ import sonata2d as s2
 from sonata2d.core.geometry import inside_polygon
 from sonata2d.core.portable_math import Array, BoolArray
 from sonata2d.errors import ConfigError
-from sonata2d.scenegen import MapScenario, scenario_from_map
+from sonata2d.scenegen import MapScenario, generate, scenario_from_map
 
 CELL = 0.05  # m
 
@@ -264,6 +264,11 @@ def test_a_drawing_in_svg_has_rooms_doors_and_furniture(tmp_path: Path) -> None:
         (pytest.approx(8.9, abs=0.05), pytest.approx(-2.5, abs=0.05))
     ]
     assert found.notes == ["1 pieces of furniture are left out: they are in walls or outside"]
+    assert config.interior_doors == ()
+    (leaf,) = scenario_from_map(path, unit=0.01, leaves="hinged").config.interior_doors
+    assert (leaf.x, leaf.y, leaf.kind) == (pytest.approx(5.05, abs=0.05), pytest.approx(-2.65, abs=0.05), "hinged")
+    (door,) = generate(scenario_from_map(path, unit=0.01, leaves="hinged").config, seed=1).interior_doors
+    assert door.width == pytest.approx(0.9, abs=0.01)
     coloured = scenario_from_map(path, unit=0.01, walls=["#222222"], doors=["#ff0000"])
     assert coloured.config.room == config.room
 

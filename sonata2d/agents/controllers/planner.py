@@ -17,7 +17,7 @@ from ...core.entities import Robot
 from ...core.floats import FloatFields
 from ...core.geometry import Point, Twist
 from ...core.humans import BODY_X, BODY_Y, VX, VY, X, Y
-from ...core.leaves import SolidsInMotion
+from ...core.leaves import SolidsInMotion, reach_of
 from ...core.portable_math import Array, BoolArray, IntArray
 from ...core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
 from ...core.scene import Scene
@@ -41,6 +41,7 @@ _TINY = 1e-4  # m, less is no motion
 _PARTS = 4  # of a step, in which the outline of a robot that is no disc is compared with barriers
 _HASTE = 0.01  # cost of a step of a trajectory of a robot that is no disc
 _LONG = 1.5  # ratio of the circles around and within an outline, above which it is long
+_FROM_LEAF = 0.1  # m, from a door that is not open, where the robot waits for it
 _IMPATIENCE = 5.0  # s without progress, after which the costs of disturbing people decrease
 
 
@@ -218,11 +219,11 @@ class SocialPlanner(KernelController):
         pairs = [(v, t) for v in range(len(velocities)) for t in range(len(turns))]
         self._solids = SolidsInMotion(scene.barriers, scene.moving_doors)
         self._room = self._planned = scene
-        self._ways: dict[int, tuple[CostField, Array]] = {}
+        self._ways: dict[int, tuple[Array, Array]] = {}
         # The last row of each array is for the last command.
         return _Memory(
             numbers=np.array(numbers, dtype=float),
-            layers=field.layers,
+            layers=_with_leaves(field, scene),
             solids=self._solids.packed.value,
             goal=goal_row(goal),
             pairs=np.array([*pairs, (len(velocities), len(turns))]),
@@ -240,19 +241,32 @@ class SocialPlanner(KernelController):
         )
 
     def move_doors(self, memory: _Memory, openings: Array) -> None:
-        self._solids.move(openings)
+        self._solids.move(openings, _FROM_LEAF)
         room = self._room.for_paths(openings.tolist())
         if room is self._planned:
             return
         self._planned = room
         if id(room) not in self._ways:  # the scene keeps the rooms
             field = CostField(room)
-            self._ways[id(room)] = field, heading_field(room, field) if len(memory.headed) else memory.headed
-        field, headed = self._ways[id(room)]
-        memory.layers[:], memory.headed[:], memory.progress[0] = field.layers, headed, math.inf
+            headed = heading_field(room, field) if len(memory.headed) else memory.headed
+            self._ways[id(room)] = _with_leaves(field, self._room), headed
+        layers, headed = self._ways[id(room)]
+        memory.layers[:], memory.headed[:], memory.progress[0] = layers, headed, math.inf
 
     def command_overridden(self, twist: Twist) -> None:
         self._memory.value.last[:] = twist.vx, twist.vy, twist.omega
+
+
+def _with_leaves(field: CostField, scene: Scene) -> Array:
+    """The layers of a field in which barriers may be near wherever a leaf of a door can be."""
+    if not scene.moving_doors:
+        return field.layers
+    layers = field.layers.copy()
+    _, nx, ny = layers.shape
+    cells = field.low + CELL * np.stack(np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"), axis=-1)
+    gaps = reach_of(scene.moving_doors).gaps(cells.reshape(-1, 2)).min(axis=0).reshape(nx, ny)
+    layers[CLEARANCE] = np.minimum(layers[CLEARANCE], gaps)
+    return layers
 
 
 @subroutine

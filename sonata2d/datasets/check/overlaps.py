@@ -22,6 +22,8 @@ from ...core.compiled.scalar import (
     shoulder_line_distance,
     unit_vector,
 )
+from ...core.doors import leaf_lines
+from ...core.geometry import Outline
 from ...core.humans import X, Y
 from ...core.outlines import side_lines
 from ...core.portable_math import Array, BoolArray, IntArray, unit_vectors
@@ -54,8 +56,11 @@ def overlaps(record: EpisodeRecord, left_out: BoolArray, maximum: float) -> Iter
     sizes = np.array([[*table.radius, outline.rounding], [*table.shoulder, 0.0]])
     solids = [thing for thing in scene.furniture if thing.on is None]  # bodies do not collide with things on a table
     place = {("object", thing.id): k for k, thing in enumerate(solids, 1)}
-    owner = np.array([place.get(each, 0) for each in scene.barrier_owner], dtype=np.int64)  # ascending
     barriers = scene.barriers.table.copy()
+    owners = scene.barrier_owner[: len(barriers)]
+    owner = np.array([place.get(each, 0) for each in owners], dtype=np.int64)
+    order = np.argsort(owner, kind="stable")  # doors that never move come last, and count as walls
+    barriers, owner = barriers[order], owner[order]
     is_seat = np.array([False, *(thing.is_seat for thing in solids)])
     sitting = np.zeros(position.shape[:2], dtype=bool)
     sitting[:, :count] = states.activity == _SITTING
@@ -72,6 +77,28 @@ def overlaps(record: EpisodeRecord, left_out: BoolArray, maximum: float) -> Iter
     for k, n in np.argwhere(number > 0).tolist():
         ticks = f" (the worst of {number[k, n]} ticks)" if number[k, n] > 1 else ""
         yield int(tick[k, n]), sections[n], names[k], f"{worst[k, n]:.3f} m too deep in {things[n]}{ticks}"
+
+
+def overlaps_with_doors(record: EpisodeRecord, left_out: BoolArray, maximum: float) -> Iterator[tuple[int, str]]:
+    """Bodies that are deeper than a maximum in the leaf of a door that moves: the worst tick, and the depth in words.
+
+    Args:
+        record, left_out, maximum: as of `overlaps`.
+    """
+    scene, states = record.scene(), record.states
+    if not scene.moving_doors:
+        return
+    leaves = leaf_lines(scene.moving_doors, states.doors)
+    bodies: list[tuple[str, Outline, Array]]
+    bodies = [(f"human {human.id}", human.shape, states.humans[:, k]) for k, human in enumerate(scene.humans)]
+    bodies.append(("the robot", scene.robot.outline, states.robot))
+    for k, (name, shape, rows) in enumerate(bodies):
+        shown = np.flatnonzero(~left_out[:, k] & np.isfinite(rows[:, X]))
+        depth = -outline_gaps(shape, rows[shown, X : Y + 1], unit_vectors(rows[shown, THETA]), leaves[shown])
+        for d, door in enumerate(scene.moving_doors):
+            if len(shown) and depth[:, d].max() > maximum:
+                worst = int(np.argmax(depth[:, d]))
+                yield int(shown[worst]), f"{name} is {depth[worst, d]:.3f} m too deep in the leaf of door {door.id}"
 
 
 def overlaps_of_robots(record: EpisodeRecord, maximum: float) -> Iterator[tuple[int, str]]:

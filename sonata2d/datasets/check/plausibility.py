@@ -20,7 +20,7 @@ from ...record.layout import HUMAN_ANGLES, ROBOT_ANGLES
 from ...record.motion import THETA, VX, VY, X, Y
 from ...record.record import EpisodeRecord
 from ...sim.kernel.rules import maximum_speeds, walking_speeds
-from .overlaps import overlaps, overlaps_of_robots
+from .overlaps import overlaps, overlaps_of_robots, overlaps_with_doors
 from .rows import first_not_canonical, inside_room
 
 MAXIMUM_OVERLAP = 0.06  # m, of outlines: the physics detects a contact only after the bodies have moved
@@ -247,6 +247,8 @@ def _check_overlaps(record: EpisodeRecord, pushed: BoolArray) -> Iterator[Findin
     """Outlines must not overlap by more than `_maximum_overlap`."""
     for tick, section, name, depth in overlaps(record, pushed, _maximum_overlap(record.scene())):
         yield f"frames.{tick}.{section}", f"{name} is {depth}"
+    for tick, message in overlaps_with_doors(record, pushed, _maximum_overlap(record.scene())):
+        yield f"frames.{tick}.doors", message
 
 
 def _check_overlaps_of_robots(record: EpisodeRecord) -> Iterator[Finding]:

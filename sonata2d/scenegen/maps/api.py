@@ -7,9 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...core.doors import DoorKind
+from ...core.rng import RandomStream
 from ...core.wording import one_line
-from ...errors import ConfigError
+from ...errors import ConfigError, SceneError
 from ...registry import MAP_READERS
+from ..floor_plans import draw_floor_plan
+from ..interior_doors import opening_at
 from ..scenario.config import ScenarioConfig
 from .plan import MapOptions, Picture, Plan, corners_of, piece_settings, shapely
 
@@ -25,7 +29,7 @@ class MapScenario:
     Attributes:
         config: the scenario.
         picture: the map.
-        facts: number of walls, rooms, pieces of furniture and entrances, and the area of the floor, m².
+        facts: number of walls, rooms, pieces of furniture and doors, and the area of the floor, m².
         notes: what was left out or changed.
     """
 
@@ -65,15 +69,34 @@ def scenario_from_map(path: str | Path, **options: Any) -> MapScenario:
         config = ScenarioConfig(**settings)
     except ConfigError as error:
         raise ConfigError(f"{path}: the map gives no valid scenario: {error}") from error
+    if leaves := MapOptions(**options).leaves:
+        config = _with_leaves(config, plan, leaves)
     rings = (config.room.polygon or (), *config.room.holes)
     facts = {
         "walls": sum(map(len, rings)),
         "rooms": len(config.areas),
         "furniture": len(config.furniture),
         "entrances": len(config.doors),
+        **({"doors that open": len(config.interior_doors)} if config.interior_doors else {}),
         "floor": round(float(plan.floor.area), 1),
     }
     return MapScenario(config, plan.picture, facts, plan.notes)
+
+
+def _with_leaves(config: ScenarioConfig, plan: Plan, kind: DoorKind) -> ScenarioConfig:
+    """The scenario with leaves of a kind in the doorways between rooms; what has no walls on both sides is noted."""
+    room, doors = draw_floor_plan(config.room, RandomStream(0, 0, "scene")), []
+    for x, y in plan.doorways:
+        place = round(x, 3), round(y, 3)
+        try:
+            opening_at(room, place)
+        except SceneError as error:
+            plan.notes.append(f"a door stays a free doorway: {error}")
+        else:
+            doors.append({"x": place[0], "y": place[1], "kind": kind})
+    if not plan.doorways:
+        plan.notes.append("there are no doors between rooms that could open and close; images have none")
+    return config.changed(interior_doors=doors)
 
 
 def _settings(plan: Plan, path: Path) -> dict[str, Any]:

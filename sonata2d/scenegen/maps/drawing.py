@@ -115,7 +115,7 @@ def plan_of(path: Path, shapes: Sequence[DrawnShape], texts: Sequence[DrawnText]
         if part.area > _SMALLEST_ROOM and not part.intersects(frame.exterior)
     ]
     outside = [part for part in polygons_of(frame.difference(closing)) if part.intersects(frame.exterior)]
-    floors, entrances = _connected(enclosed, thresholds)
+    floors, inner, entrances = _connected(enclosed, thresholds)
     entrances = [door for door in entrances if any(part.distance(door) < _SLIT for part in outside)]
     floor, pillars = finished_floor(floors, options, tolerance=_TOLERANCE, largest_object=_LARGEST_OBJECT, notes=notes)
     furniture = [
@@ -135,7 +135,8 @@ def plan_of(path: Path, shapes: Sequence[DrawnShape], texts: Sequence[DrawnText]
     doors_outside = [
         (threshold.centroid.coords[0], max(sides(threshold))) for threshold in entrances if near.intersects(threshold)
     ]
-    return Plan(floor, pillars + inside, areas, doors_outside, _picture(shapes), notes)
+    doorways = [threshold.centroid.coords[0] for threshold in inner if floor.contains(threshold.centroid)]
+    return Plan(floor, pillars + inside, areas, doors_outside, _picture(shapes), notes, doorways)
 
 
 def _check_size(path: Path, shapes: Sequence[DrawnShape]) -> None:
@@ -229,8 +230,8 @@ def _threshold(hull: Any, solid: Any) -> Any | None:
     return in_wall[0] if in_wall else None
 
 
-def _connected(rooms: Sequence[Any], thresholds: Sequence[Any]) -> tuple[list[Any], list[Any]]:
-    """Floors of rooms that doors connect, and the doors of one room only."""
+def _connected(rooms: Sequence[Any], thresholds: Sequence[Any]) -> tuple[list[Any], list[Any], list[Any]]:
+    """Floors of rooms that doors connect, the doors between rooms, and those of one room only."""
     inner, entrances = list[Any](), list[Any]()
     for threshold in thresholds:
         reach = threshold.buffer(0.05)
@@ -239,7 +240,7 @@ def _connected(rooms: Sequence[Any], thresholds: Sequence[Any]) -> tuple[list[An
             (inner if touched > 1 else entrances).append(threshold)
     parts = [part.buffer(_JOINED, join_style="mitre") for part in (*rooms, *inner)]
     joined = shapely().union_all(parts).buffer(-_JOINED, join_style="mitre")
-    return polygons_of(joined), entrances
+    return polygons_of(joined), inner, entrances
 
 
 def _named(

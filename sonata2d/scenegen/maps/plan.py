@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.doors import DoorKind
 from ...core.files.optional import optional
 from ...core.files.reading import read_at_most
 from ...core.floats import FloatFields
@@ -71,6 +72,7 @@ class Plan:
         furniture: pieces on the floor.
         areas: named parts of the floor, as polygons of shapely.
         entrances: middle and width of each door to the outside, m.
+        doorways: middle of each door between rooms of a drawing, m.
         picture: the map.
         notes: what was left out or changed, for the user.
     """
@@ -81,6 +83,7 @@ class Plan:
     entrances: list[tuple[Point, float]]
     picture: Picture
     notes: list[str] = field(default_factory=list)
+    doorways: list[Point] = field(default_factory=list)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +102,7 @@ class MapOptions(FloatFields):
         wall_width: width of walls that a drawing shows as single lines, m.
         walls, doors, furniture, rooms: names of layers or groups of a drawing, with `*` and `?`, or colours such as
             #ff0000. Default: names that contain wall, door, furn, or room.
+        leaves: doors between rooms of a drawing open and close, with leaves of this kind. Default: doorways are free.
     """
 
     unit: float | None = None
@@ -114,6 +118,7 @@ class MapOptions(FloatFields):
     doors: Sequence[str] = ("*door*",)
     furniture: Sequence[str] = ("*furn*",)
     rooms: Sequence[str] = ("*room*",)
+    leaves: DoorKind | None = None
 
     def __post_init__(self) -> None:
         """Check the values.

@@ -126,7 +126,8 @@ def _side_of_opener(world: Buffers, d: int) -> float:
         asks = asks or (opened_by == REQUEST and is_standing and distance < _BY_HAND)
         opens = distance < _SENSOR
         if opened_by != ANYONE:
-            opens = opened_by == REQUEST and distance < _BY_HAND and memory[_ASKED] >= _ASKING_TIME
+            has_asked = memory[_ASKED] > _ASKING_TIME - 0.5 * world.rules[TICK]
+            opens = opened_by == REQUEST and distance < _BY_HAND and has_asked
         if distance < nearest and (opens or (is_ajar and distance < _IN_DOORWAY)):
             nearest, side = distance, left
     memory[_ASKED] = memory[_ASKED] + world.rules[TICK] if asks else 0.0
