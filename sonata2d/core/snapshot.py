@@ -109,7 +109,6 @@ class Snapshot(Drawable):
         robots: the other robots, in the order of `scene.robots`.
         contacts_of_robots: of the other robots during the last tick, in the same order.
         doors: the interior doors of the scene, and how far each is open.
-        barriers: everything solid but people and robots: as in the scene, and the leaves of doors that move.
     """
 
     tick: int
@@ -257,7 +256,7 @@ class Snapshot(Drawable):
 
     @property
     def barriers(self) -> Barriers:
-        """Barriers of the scene, and the leaves of the doors that move."""
+        """Everything solid but people and robots: barriers of the scene, then the leaves of the doors that move."""
         if not self.scene.moving_doors:
             return self.scene.barriers
         return self.scene.barriers.joined(Barriers.of([each.leaf for each in self.doors if each.door.moves]))
