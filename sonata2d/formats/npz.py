@@ -2,8 +2,8 @@
 
 For T frames and the final state of N pedestrians, the keys are `tick`, `time`, `robot` (T + 1, 6), `humans`
 (T + 1, N, 7) with NaN where a pedestrian is absent, `activity`, `command` and `executed` (T, 3), `guarded`, `human_id`,
-`header` (text: the keys of the episode file besides frames) and `texts` (text: interactions, contacts, other robots,
-events, label and readings of each frame). `numpy.load` reads the file without pickle.
+`header` (text: the keys of the episode file besides frames) and `texts` (text: interactions, contacts, doors, other
+robots, events, label and readings of each frame). `numpy.load` reads the file without pickle.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _STATES = ("tick", "time", "robot", "humans", "activity")  # arrays of T + 1 sta
 _TWISTS = ("command", "executed", "guarded")  # arrays of T frames
 _ARRAYS = (*_STATES, *_TWISTS)
 _OLD_TEXTS = "told"  # name of `texts` in files of 0.3.0
-_TEXT_KEYS = ("interactions", "contacts", "robots", "events", "label", "sensors")
+_TEXT_KEYS = ("interactions", "contacts", "doors", "robots", "events", "label", "sensors")
 
 
 def export(record: EpisodeRecord, options: Options) -> bytes:

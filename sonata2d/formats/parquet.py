@@ -3,7 +3,7 @@
 | table | one row per | columns |
 | --- | --- | --- |
 | `episodes` | episode | family, seed, outcome, … and `header`, the other keys of the episode file as JSON |
-| `frames` | frame, and the final state | time, robot, command, …; as JSON: contacts, robots, events, label, sensors |
+| `frames` | frame, and the final state | time, robot, …; as JSON: contacts, doors, robots, events, label, sensors |
 | `agents` | pedestrian present in a frame | pose, velocity, head, activity, radius, breadth |
 | `interactions` | interaction in a frame | src, relation, dst |
 
@@ -39,7 +39,7 @@ from .importing import document_of, parsing
 
 NAME = "parquet"
 _ROW_GROUP, _GROUP_BYTES = 100_000, 1 << 24  # rows and bytes of a row group
-_NEWER_KEYS = ("robots", "sensors")  # columns of `frames` that older tables do not have
+_NEWER_KEYS = ("doors", "robots", "sensors")  # columns of `frames` that older tables do not have
 _JOINED = 64  # tables of episodes that are joined at a time
 
 

@@ -78,7 +78,8 @@ class Sizes:
         objects = sum(count.max for count in config.counts.values()) + laptops
         objects += 2 * attending + len(config.furniture)  # a laptop comes with a table
         together = sum(count * size * size for count, size in groups)
-        return cls(max(humans, 1), max(objects, 1), _wall_count(config.room), max(2 * humans, together, 1))
+        walls = _wall_count(config.room) + len(config.interior_doors)
+        return cls(max(humans, 1), max(objects, 1), walls, max(2 * humans, together, 1))
 
     def changed(self, numbers: dict[str, int]) -> Sizes:
         """Other numbers for some of the entities.

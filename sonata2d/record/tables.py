@@ -11,7 +11,7 @@ from .layout import COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from .record import EpisodeRecord
 
 TABLES = ("episodes", "frames", "agents", "interactions")
-JSON_KEYS = ("contacts", "robots", "events", "label", "sensors")  # columns of `frames` that hold JSON
+JSON_KEYS = ("contacts", "doors", "robots", "events", "label", "sensors")  # columns of `frames` that hold JSON
 
 
 def tables_of(record: EpisodeRecord, name: str) -> dict[str, dict[str, Any]]:

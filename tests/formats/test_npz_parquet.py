@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sonata2d import Episode, ScenarioConfig, SocialPlanner, generate
 from sonata2d.datasets import generate_dataset, verify
 from sonata2d.datasets.check.replay import check_replay
 from sonata2d.errors import RecordError
@@ -58,6 +59,19 @@ def test_folder_reads_back_to_the_byte(folder: Path, tmp_path: Path, format: str
     for path in result.files:
         assert path.read_bytes() == (folder / path.name).read_bytes()
     assert check_replay(read_episode(result.files[3])) == []
+
+
+@pytest.mark.parametrize("format", ["npz", "parquet"])
+def test_doors_read_back_to_the_byte(tmp_path: Path, format: str) -> None:
+    if format == "parquet":
+        pytest.importorskip("pyarrow", reason=NEEDS_PYARROW)
+    config = ScenarioConfig(room={"kinds": ["doorway"]}, humans=2, relations=0, drop=True, interior_doors=[{}])
+    with JsonRecorder(tmp_path / "door.json") as recorder:
+        Episode(generate(config, seed=2), SocialPlanner(), observers=[recorder]).run()
+    assert read_episode(tmp_path / "door.json").states.doors.any()
+    assert export_to(tmp_path / "door.json", format, tmp_path / "out").refused == []
+    (back,) = import_from(tmp_path / "out", format, tmp_path / "back").files
+    assert back.read_bytes() == (tmp_path / "door.json").read_bytes()
 
 
 @pytest.mark.parametrize("format", ["npz", "parquet"])

@@ -415,6 +415,6 @@ def known_to(controller: Any, scene: Scene) -> Scene:
     if not controller.partial:
         return scene.with_robots_as_people if controller.robots_as_people else scene
     return replace(
-        scene, polygon=(), walls=(), furniture=(), humans=(), groups=(), interactions=(), doors=(), queues=(),
-        places=(), settings=None, dropped=(), robots=(),
+        scene, polygon=(), holes=(), walls=(), furniture=(), humans=(), groups=(), interactions=(), doors=(),
+        interior_doors=(), areas=(), queues=(), places=(), settings=None, dropped=(), robots=(),
     )  # fmt: skip
