@@ -16,6 +16,7 @@ Number = Annotated[float, Ge(-MAX_MAGNITUDE), Le(MAX_MAGNITUDE)]
 Positive = Annotated[float, Gt(0), Le(MAX_MAGNITUDE)]
 NotNegative = Annotated[float, Ge(0), Le(MAX_MAGNITUDE)]
 Fraction = Annotated[float, Ge(0), Le(1)]
+OpeningTime = Annotated[float, Ge(0.1), Le(60)]  # s
 Opening = Annotated[float, Ge(-1), Le(1)]  # of a door
 Count = Annotated[int, Ge(0), Lt(1 << 63)]  # the length of a list that a computer can hold
 Id = Annotated[int, Ge(-MAX_ID), Le(MAX_ID)]

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from .bounds import ADDITIVE, Id, NotNegative, Opening, Positive
+from .bounds import ADDITIVE, Id, NotNegative, Opening, OpeningTime, Positive
 from .geometry import Edge, Point, Pose
 from .portable_math import Array, unit_vector
 
@@ -50,7 +50,7 @@ class InteriorDoor:
     kind: DoorKind = "hinged"
     opened_by: OpenedBy = "anyone"
     opening: Opening = field(default=0.0, metadata=ADDITIVE)
-    opening_time: Positive = field(default=1.5, metadata=ADDITIVE)
+    opening_time: OpeningTime = field(default=1.5, metadata=ADDITIVE)
     hold: NotNegative = field(default=2.0, metadata=ADDITIVE)
 
     @property

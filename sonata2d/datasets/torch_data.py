@@ -15,6 +15,7 @@ from ..core.entities import Furniture
 from ..core.geometry import Disc
 from ..core.portable_math import Array
 from ..core.relations import RELATIONS
+from ..errors import RecordError
 from ..record.record import EpisodeRecord
 from ..registry import furniture_type
 
@@ -87,11 +88,14 @@ def tensors(record: EpisodeRecord) -> dict[str, Any]:
     """The arrays of an episode as tensors; see `Dataset.to_torch`."""
     names = ("time", "robot", "humans", "present", "activity", "command", "executed")
     scene = record.scene()
+    if scene.moving_doors:
+        raise RecordError(f"{record.path}: it has doors that open and close, and the walls of tensors do not move")
+    leaves = [door.leaf(door.opening)[:2] for door in scene.interior_doors]
     ids = [*(human.id for human in scene.humans), *(piece.id for piece in scene.furniture)]
     index = {id: k for k, id in enumerate(ids)}
     arrays = {
         "goal": record.goals[0].tolist(),
-        "walls": _rows([(*wall.start, *wall.end) for wall in scene.walls], 4),
+        "walls": _rows([*((*wall.start, *wall.end) for wall in scene.walls), *((*a, *b) for a, b in leaves)], 4),
         "objects": _rows([_object_row(piece) for piece in scene.furniture], 6),
         "sizes": _rows([(human.radius, human.breadth) for human in scene.humans], 2),
     }

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import partial
-from itertools import chain
+from itertools import chain, pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -133,6 +133,8 @@ def _content_findings(document: JsonDict) -> Iterator[Finding]:
     yield from _label_findings(document)
     yield from _state_findings(document, states)
     yield from _reference_findings(document, states)
+    if all(len(state.get("doors") or ()) == len(states[0].get("doors") or ()) for state in states):
+        yield from _door_findings(document, states)
     if any(_has_readings(part) for part in (document, *document["frames"])):
         yield from _sensor_findings(document)
     for index, _ in (document.get("mirrored_from") or {}).get("thetas", ()):
@@ -177,9 +179,8 @@ def _id_findings(document: JsonDict) -> Iterator[Finding]:
     for human in document["humans"]:
         if human["behaviour"] == "recorded" and not human["track"]:
             yield "humans", f"human {human['id']} is recorded but has no track"
-    for door in document.get("interior_doors") or ():
-        if door["kind"] == "sliding" and door.get("opening", 0.0) < 0.0:
-            yield "interior_doors", f"the opening of sliding door {door['id']} is below 0"
+    if document.get("interior_doors") and document.get("version", 2) < 2:
+        yield "version", "must be 2 for interior doors"
     yield from _start_findings(document, set(ids["queues"]))
 
 
@@ -282,6 +283,24 @@ def _state_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Find
         if (None in rows or ABSENT in activity) and [r is None for r in rows] != [i == ABSENT for i in activity]:
             yield f"frames.{t}.humans", "must be null for people that are not present (activity -1), and only for these"
             return
+
+
+def _door_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Finding]:
+    """Doors begin as they are at the start, and their leaves move no faster than they can."""
+    doors = document.get("interior_doors") or ()
+    for door in doors:
+        if door["kind"] == "sliding" and door.get("opening", 0.0) < 0.0:
+            yield "interior_doors", f"the opening of sliding door {door['id']} is below 0"
+    moving = [door for door in doors if door["opened_by"] != "nobody"]
+    if not moving:
+        return
+    openings = [[door.get("opening", 0.0) for door in moving], *(state["doors"] for state in states)]
+    for t, (before, now) in enumerate(pairwise(openings)):
+        for door, last, opening in zip(moving, before, now, strict=True):
+            step = document["rules"]["dt"] / door.get("opening_time", 1.5) + document["precision"] if t else 0.0
+            if abs(opening - last) > step + 1e-9 or (door["kind"] == "sliding" and opening < 0.0):
+                yield f"frames.{t}.doors", f"door {door['id']} cannot be {opening:g} open after {last:g}"
+                return
 
 
 def _has_readings(part: JsonDict) -> bool:

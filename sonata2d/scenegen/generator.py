@@ -20,7 +20,7 @@ from ..core.scene import Scene, standing_throughout
 from ..errors import SceneError
 from .floor_plans import FloorPlan, draw_floor_plan
 from .human_sampling import ReactionSampler
-from .interior_doors import place_interior_doors, zones_of
+from .interior_doors import check_starts, place_interior_doors, zones_of
 from .journeys import Journeys, plan_journeys, with_visitors
 from .numbering import number_entities, ordered_entities
 from .pieces import fixed_furniture
@@ -76,7 +76,7 @@ def generate(config: str | Path | ScenarioConfig, seed: int = 0, episode: int = 
     _check_furniture(fixed, plan)
     furniture = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
     journey_rng = RandomStream(seed, episode, "journeys")  # so that scenes without journeys stay the same
-    inner = place_interior_doors(scenario, plan, RandomStream(seed, episode, "scene", "interior doors"))
+    inner = place_interior_doors(scenario, plan, fixed, RandomStream(seed, episode, "scene", "interior doors"))
     occupied = reserved_outlines(scenario) + furniture + zones_of(inner)
     journeys = plan_journeys(scenario, plan, occupied, journey_rng)
     # each type of furniture has a stream, so that a further type changes nothing else in a scene
@@ -201,6 +201,7 @@ def _try_layout(
         queues=journeys.queues,
         places=journeys.places,
     )
+    check_starts(scene)
     check_not_enclosed(scene)
     check_goals(scene, people.humans)
     return scene

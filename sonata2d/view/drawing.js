@@ -149,7 +149,6 @@ export class SceneDrawing {
     });
   }
 
-  /** The goal of a robot besides the first one, and the dashed line to it. */
   /** The leaf of a door. */
   drawLeaf([x0, y0, x1, y1]) {
     const {pen, scene: {colours}} = this;
@@ -158,6 +157,7 @@ export class SceneDrawing {
     }
   }
 
+  /** The goal of a robot besides the first one, and the dashed line to it. */
   drawWay({id, x, y, goal}) {
     const {pen} = this;
     pen.beginPath(); pen.moveTo(x, y); pen.lineTo(goal[0], goal[1]);

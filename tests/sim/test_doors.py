@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,7 @@ class Ahead(s2.Controller):
         return s2.Twist(vx=0.5)
 
 
+IN_THE_WAY = "meets a wall, furniture or another door; move it, or make it sliding"
 WALKER = {"x": -3, "y": 0.3, "goals": [[3, 0.3]]}
 
 
@@ -149,6 +151,11 @@ def test_findings_name_faulty_doors() -> None:
     document["frames"][3]["doors"] = []
     with pytest.raises(RecordError, match=r"frames\.3\.doors: 0 of 1 interior doors that move"):
         require_valid(document, Path("a.json"))
+    document["frames"][3]["doors"] = [0.5]
+    with pytest.raises(RecordError, match=r"frames\.3\.doors: door 1 cannot be 0\.5 open after 0"):
+        require_valid(document, Path("a.json"))
+    with pytest.raises(RecordError, match="version: must be 2 for interior doors"):
+        require_valid(record.document | {"version": 1}, Path("a.json"))
     document["frames"][3]["doors"] = [1.5]
     with pytest.raises(RecordError, match=r"frames\.3\.doors\.0: .*less than or equal to 1"):
         require_valid(document, Path("a.json"))
@@ -192,12 +199,61 @@ def test_observations_have_leaves_as_walls() -> None:
     [
         ({"x": 0, "y": 1}, r"the interior door \(0, 1\) needs walls 0.5 to 3 m apart"),
         ({"x": 9, "y": 0}, r"the interior door \(9, 0\) is outside the room; move it"),
-        ({"x": -2, "y": 0}, "m apart, they are 4.03 m apart; move it into an opening"),
+        ({"x": -2, "y": 0}, "they are 4.00 m apart; move it into an opening"),
     ],
 )
 def test_a_door_needs_an_opening(door: dict[str, Any], message: str) -> None:
     with pytest.raises(SceneError, match=message):
         scene(door)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (
+            {"room": ROOM | {"walls": [*ROOM["walls"], [0.7, -0.3, 1.3, -0.3]]}},
+            IN_THE_WAY,
+        ),
+        ({"furniture": [{"type": "table", "x": 0.9, "y": -0.4}]}, IN_THE_WAY),
+        ({"interior_doors": [{"x": 0, "y": 0}, {"x": 0, "y": 0.1}]}, IN_THE_WAY),
+        ({"robot": {"pose": (0, 0, 0)}}, "the robot would start in the leaf of interior door 1; move one of them"),
+        (
+            {"people": [{"x": 0.05, "y": 0.2, "behaviour": "wandering"}]},
+            "person 1 would start in the leaf of interior door 1",
+        ),
+    ],
+)
+def test_leaves_need_room(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        scene(**settings)
+
+
+def test_theta_chooses_the_opening() -> None:
+    room = {"polygon": [[-1.5, -2], [1.5, -2], [1.5, 2], [-1.5, 2]], "walls": [[0, -2, 0, -1.4], [0, 1.4, 0, 2]]}
+    door = {"kind": "sliding", "theta": math.pi / 2}
+    (found,) = scene(door, (-1, 0, 0), room=room, goal={"position": (1, 0)}).interior_doors
+    assert (found.pose.x, abs(found.pose.y), found.width) == (0.0, 1.4, 2.8)
+
+
+def test_people_walk_round_leaves_that_stand_open() -> None:
+    people = [{"x": -3, "y": -1.2, "goals": [[3, -1.2]]}, {"x": 3, "y": -1, "goals": [[-3, -1]]}]
+    for k in range(2):
+        record = record_of(scene({}, (-3, 1, 0), people=people[k:] + people[:k]), Stand())
+        last = record.states.humans[-1, :, 0]
+        assert sorted(last.round()) == [-3, 3], last
+
+
+def test_a_copy_of_a_crowd_sees_doors_move() -> None:
+    each = scene({}, (-3, 1, 0), people=[WALKER])
+    episode = s2.Episode(each, Stand())
+    for _ in range(12):
+        episode.step()
+    copy = deepcopy(episode._crowd)
+    for _ in range(15):
+        snapshot = episode.snapshot()
+        commands = episode._crowd.act(snapshot)
+        assert copy.act(snapshot).acceleration.tolist() == commands.acceleration.tolist()
+        episode._world.step(s2.Twist(), commands)
 
 
 @pytest.mark.parametrize(

@@ -219,7 +219,7 @@ class SocialPlanner(KernelController):
         pairs = [(v, t) for v in range(len(velocities)) for t in range(len(turns))]
         self._solids = SolidsInMotion(scene.barriers, scene.moving_doors)
         self._room = self._planned = scene
-        self._ways: dict[int, tuple[Array, Array]] = {}
+        self._ways: dict[tuple[float, ...], tuple[Array, Array]] = {}
         # The last row of each array is for the last command.
         return _Memory(
             numbers=np.array(numbers, dtype=float),
@@ -246,11 +246,12 @@ class SocialPlanner(KernelController):
         if room is self._planned:
             return
         self._planned = room
-        if id(room) not in self._ways:  # the scene keeps the rooms
+        key = tuple(door.opening for door in room.interior_doors)
+        if key not in self._ways:
             field = CostField(room)
             headed = heading_field(room, field) if len(memory.headed) else memory.headed
-            self._ways[id(room)] = _with_leaves(field, self._room), headed
-        layers, headed = self._ways[id(room)]
+            self._ways[key] = _with_leaves(field, self._room), headed
+        layers, headed = self._ways[key]
         memory.layers[:], memory.headed[:], memory.progress[0] = layers, headed, math.inf
 
     def command_overridden(self, twist: Twist) -> None:

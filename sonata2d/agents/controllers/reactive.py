@@ -34,6 +34,7 @@ from .base import Controller
 from .compiled import KernelController
 
 _REPLANNING_INTERVAL = 5  # ticks
+_FROM_LEAF = 0.1  # m, from a door that is not open
 _FAR = 1e4  # m, coordinates of humans that are absent
 
 
@@ -109,7 +110,7 @@ class SocialForce(Controller):
         return controller
 
     def reset(self, scene: Scene) -> None:
-        self._room, self._spaces = scene, dict[int, FreeSpace]()
+        self._room, self._spaces = scene, dict[tuple[float, ...], FreeSpace]()
         self._space = self._space_of(scene)
         self._waypoint = scene.goal.position
         self._model = pedestrian_model(self.model)(scene)
@@ -142,10 +143,11 @@ class SocialForce(Controller):
 
     def _space_of(self, room: Scene) -> FreeSpace:
         """The free space of a room, made once; see `Scene.for_paths`."""
-        if id(room) not in self._spaces:  # the scene keeps the rooms
+        key = tuple(door.opening for door in room.interior_doors)
+        if key not in self._spaces:
             barriers = room.robot_barriers.joined(room.standing_humans)
-            self._spaces[id(room)] = FreeSpace(room.outline, barriers, room.robot.outline.inradius + 0.05)
-        return self._spaces[id(room)]
+            self._spaces[key] = FreeSpace(room.outline, barriers, room.robot.outline.inradius + 0.05)
+        return self._spaces[key]
 
     def _next_velocity(self, snapshot: Snapshot, direction: Point) -> Point:
         """The robot's velocity one tick later under the model, m/s, world frame; humans keep their velocities."""
@@ -178,7 +180,7 @@ class SocialForce(Controller):
         near = np.flatnonzero(distance < INTERACTION_RANGE)
         walkers.neighbour_start[-1], walkers.neighbour[: len(near)] = len(near), near
         walkers.attention[: len(near)] = np.minimum((INTERACTION_RANGE - distance[near]) / FADING_DISTANCE, 1.0)
-        self._solids.move(snapshot.state.doors)
+        self._solids.move(snapshot.state.doors, _FROM_LEAF)
         walls = rows_within(self._solids.packed, robot.position, WALL_RANGE)
         walkers.wall_start[-1], walkers.wall[: len(walls)] = len(walls), walls
 

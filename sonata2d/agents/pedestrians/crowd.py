@@ -248,6 +248,8 @@ def _continued(
     """A crowd that goes on from the arrays of another one of the same scene; see `Crowd.__reduce__`."""
     crowd = Crowd(scene)
     crowd._model, crowd._all_present = model, all_present
+    if scene.moving_doors:
+        use_leaves(model, type(model).__name__, crowd._spaces.obstacles.solids.table)
     crowd._use_lists(with_lists(crowd.state.walkers, *lengths))
     for place, array in zip(arrays_of(crowd.state, _CONSTANT), arrays, strict=True):
         place[...] = array

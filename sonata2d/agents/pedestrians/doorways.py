@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.compiled.kernel import subroutine
-from ...core.compiled.packing import Floats, Floats2
+from ...core.compiled.packing import Bools, Floats, Floats2
 from ...core.compiled.scalar import length, to_line
+from ...core.doors import OPEN
 from ...core.humans import X, Y
 from ...core.leaves import CLOSED_X, CLOSED_Y, HINGE_X, HINGE_Y, IS_HINGED, WIDTH, door_frames
 from ...core.portable_math import Array, BoolArray
@@ -18,7 +19,7 @@ from .models.base import Walkers
 from .routes import Routes, stopping_speed
 
 # Our estimates.
-_OPEN = 0.8  # opening, from which pedestrians pass
+_PASSABLE = 0.8  # opening, from which pedestrians pass
 _RANGE = 3.0  # m, on the path, within which pedestrians heed a door
 _STANDOFF = 0.45  # m, from the closed leaf to the centre of a pedestrian who waits
 _BEYOND_LEAF = 0.35  # m, from the way of a leaf that turns towards a pedestrian
@@ -32,16 +33,30 @@ class Doorways(NamedTuple):
     Attributes:
         frames: (D, 9), see `core.leaves.door_frames`.
         openings: (D,), of the tick.
+        stands_open: (D,) of bool, hinged leaves that stand open, round which paths lead.
     """
 
     frames: Floats2
     openings: Floats
+    stands_open: Bools
 
 
 def doorways_of(scene: Scene) -> Doorways:
     """The doors of a scene as they are at the start."""
     doors = scene.moving_doors
-    return Doorways(door_frames(doors, scene.rules.dt), np.array([door.opening for door in doors], dtype=float))
+    openings = np.array([door.opening for door in doors], dtype=float)
+    return Doorways(door_frames(doors, scene.rules.dt), openings, np.zeros(len(doors), dtype=bool))
+
+
+@subroutine
+def watch_doors(doors: Doorways) -> bool:
+    """Note which hinged leaves stand open; whether this has changed."""
+    is_changed = False
+    for d in range(len(doors.frames)):
+        stands_open = doors.frames[d, IS_HINGED] != 0.0 and abs(doors.openings[d]) >= OPEN
+        if stands_open != doors.stands_open[d]:
+            doors.stands_open[d], is_changed = stands_open, True
+    return is_changed
 
 
 @subroutine
@@ -58,7 +73,7 @@ def wait_at_doors(doors: Doorways, routes: Routes, walkers: Walkers, humans: Arr
     for k in range(len(humans)):
         if is_present[k] and walkers.walks[k]:
             for d in range(len(doors.frames)):
-                if abs(doors.openings[d]) < _OPEN and _is_on_path(doors.frames, d, k, routes, humans):
+                if abs(doors.openings[d]) < _PASSABLE and _is_on_path(doors.frames, d, k, routes, humans):
                     _wait(doors, d, k, routes, walkers, humans)
 
 

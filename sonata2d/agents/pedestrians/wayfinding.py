@@ -14,16 +14,18 @@ from ...core.barrier_grid import Solids, changeable_solids, fill_grid, set_barri
 from ...core.compiled.kernel import subroutine
 from ...core.compiled.packing import Bools, Floats, Floats2, Ints, Packed
 from ...core.compiled.scalar import angle_of, length
+from ...core.doors import HALF_THICKNESS
 from ...core.entities import PERSON_RADIUS
 from ...core.free_space import Space, is_free
 from ...core.geometry import Point
 from ...core.humans import BODY_X, BODY_Y
-from ...core.leaves import solids_with_doors
+from ...core.leaves import HINGE_X, HINGE_Y, leaf_end, solids_with_doors
 from ...core.navigation import FloorPlan, find_edges, floor_plan
 from ...core.portable_math import Array, BoolArray, IntArray
 from ...core.scene import Scene
 from ...core.separation import place_corners
 from ...core.visibility import Graph
+from .doorways import Doorways
 from .robots import Robots, core_of, corners_of
 from .routes import Routes
 from .social.company import Company, is_in_the_way
@@ -135,7 +137,8 @@ class Spaces:
         widths = self.clearance, depth + _TIGHT_CLEARANCE, depth - _WALL_TOLERANCE
         plans = [floor_plan(scene.outline, scene.barriers, width) for width in widths]
         solids, count = solids_with_doors(scene.barriers, scene.moving_doors), len(humans)
-        bodies, around = changeable_solids(solids, count + sides), changeable_solids(solids, 3 * count + sides)
+        fixed = sides + len(scene.moving_doors)
+        bodies, around = changeable_solids(solids, count + fixed), changeable_solids(solids, 3 * count + fixed)
         holes, hole_count = np.zeros((2 * count + 1, 4)), np.zeros(1, dtype=np.int64)
         no_holes = np.zeros((0, 4)), np.zeros(1, dtype=np.int64)
         added = [(around, holes, hole_count), (around, holes, hole_count), (bodies, *no_holes), (bodies, *no_holes)]
@@ -195,9 +198,9 @@ def robot_stands(obstacles: Obstacles) -> bool:
 
 @subroutine
 def update_obstacles(
-    obstacles: Obstacles, robots: Robots, company: Company, is_present: BoolArray, with_robots: bool
+    obstacles: Obstacles, doors: Doorways, robots: Robots, company: Company, is_present: BoolArray, with_robots: bool
 ) -> None:
-    """Replace the added obstacles: people and robots that stand, and the spaces inside groups that talk."""
+    """Replace the added obstacles: people, robots and leaves that stand, and the spaces inside groups that talk."""
     bodies, around = obstacles.passable.added, obstacles.space.added
     place, count = company.standing_position, 0
     is_standing = np.zeros(len(is_present), dtype=np.bool_)
@@ -215,6 +218,12 @@ def update_obstacles(
             end = (side + 1) % len(corners)
             ends = corners[side, 0], corners[side, 1], corners[end, 0], corners[end, 1]
             set_barrier(bodies.table, count, *ends, robots.rounding[r])
+            count += 1
+    for d in range(len(doors.frames)):
+        if doors.stands_open[d]:
+            end_x, end_y = leaf_end(doors.frames, d, doors.openings[d])
+            x, y = doors.frames[d, HINGE_X], doors.frames[d, HINGE_Y]
+            set_barrier(bodies.table, count, x, y, end_x, end_y, HALF_THICKNESS)
             count += 1
     bodies.used[0] = around.used[0] = count
     for k in range(count):

@@ -18,7 +18,7 @@ from pydantic import (
     model_validator,
 )
 
-from ...core.bounds import Capacity, Fraction, NotNegative, Number, Opening, Positive
+from ...core.bounds import Capacity, Fraction, NotNegative, Number, Opening, OpeningTime, Positive
 from ...core.doors import DoorKind, OpenedBy
 from ...core.entities import AT_PERSON, DEFAULT_CONTROLLER, DEFAULT_MODEL, Area, Formation, Limits, Reaction, RobotTask
 from ...core.files.limits import MAX_NAME
@@ -187,7 +187,7 @@ class InteriorDoorConfig(_DrawnOrFixed):
         opened_by: `anyone`: people and robots, by a sensor; `people`: people, by hand; `request`: also robots that
             stand before it for 1 s; `nobody`: it stays as it is.
         opening: at the start: 0: closed; 1: open; of a hinged door also -1: open to the right, as seen from the hinge.
-        opening_time: from closed to open, and back, s.
+        opening_time: from closed to open, and back, s; 0.1 to 60.
         hold: for which the door stays open after the last one has passed, s.
     """
 
@@ -195,7 +195,7 @@ class InteriorDoorConfig(_DrawnOrFixed):
     kind: DoorKind = "hinged"
     opened_by: OpenedBy = "anyone"
     opening: Opening = 0.0
-    opening_time: Annotated[Positive, Ge(0.1)] = 1.5
+    opening_time: OpeningTime = 1.5
     hold: NotNegative = 2.0
 
     @model_validator(mode="after")

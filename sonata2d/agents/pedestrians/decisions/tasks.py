@@ -21,6 +21,7 @@ from ....core.compiled.scalar import length, towards, unit_or
 from ....core.philox import uniform
 from ....core.portable_math import Array, IntArray
 from ..crowd_state import COMPANY, CrowdState
+from ..doorways import watch_doors
 from ..routes import ARRIVAL_DISTANCE
 from ..social.company import (
     STANDING,
@@ -144,6 +145,8 @@ def advance_tasks(packed_state: Any, tick: int) -> None:
     """
     crowd = unpack(packed_state, CrowdState)
     journeys, tasks = crowd.journeys, crowd.tasks
+    if len(crowd.doorways.openings) > 0 and watch_doors(crowd.doorways):
+        tasks.is_changed[0] = True
     if watch_robots(crowd.obstacles, crowd.robots):
         tasks.is_changed[0] = True
     for k in range(len(tasks.kind)):
@@ -173,9 +176,12 @@ def advance_tasks(packed_state: Any, tick: int) -> None:
 
 @kernel
 def find_obstacles(packed_state: Any, with_robots: bool) -> None:
-    """Update the obstacles of paths: people who stand and, for people who do not ignore them, robots that stand."""
+    """Update the obstacles of paths: people who stand, leaves of doors that stand open, and robots that stand.
+
+    People who ignore robots do not walk round them.
+    """
     crowd = unpack(packed_state, CrowdState)
-    update_obstacles(crowd.obstacles, crowd.robots, crowd.company, crowd.is_present, with_robots)
+    update_obstacles(crowd.obstacles, crowd.doorways, crowd.robots, crowd.company, crowd.is_present, with_robots)
 
 
 @kernel
