@@ -186,7 +186,7 @@ def test_pedestrians_with_limited_presence_do_not_leave_their_positions() -> Non
 
 def shared_edges(state: CrowdState) -> set[tuple[float, ...]]:
     """Start and end of the edges of the spaces inside groups, m."""
-    update_obstacles(state.obstacles, state.robots, state.company, state.is_present, True)
+    update_obstacles(state.obstacles, state.doorways, state.robots, state.company, state.is_present, True)
     bodies, around = state.obstacles.passable.added, state.obstacles.space.added
     return {tuple(row[:4]) for row in around.table[bodies.used[0] : around.used[0]].tolist()}
 
