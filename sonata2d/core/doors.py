@@ -24,9 +24,9 @@ RIGHT_ANGLE = 1.5707963267948966  # rad
 class InteriorDoor:
     """A door in an opening between walls, with a leaf that opens and closes.
 
-    The opening of a door is a number: 0 is closed. A sliding leaf disappears in the wall at its fixed end, 1 is open. A
-    hinged leaf turns on its fixed end to either side, as that of a double-acting door: away from whoever opens it; 1 is
-    a right angle to the left of the closed leaf as seen from the hinge, and -1 to the right.
+    The opening of a door is a number: 0 is closed. A sliding leaf disappears in the wall at its fixed end; 1 is open. A
+    hinged leaf turns on its fixed end to either side, away from whoever opens it, like a double-acting door: 1 is a
+    right angle to the left of the closed leaf as seen from the hinge, -1 a right angle to the right.
 
     A leaf stops before people and robots that are in its way. A hinged leaf that cannot open to one side for 2 s opens
     to the other one.
@@ -38,7 +38,7 @@ class InteriorDoor:
         kind: how the leaf moves.
         opened_by: who opens the door. anyone: people and robots within 1.5 m, by a sensor; people: people within 1.2 m
             that face it, by hand; request: also robots that ask for it, which they do by standing within 1.2 m for 1 s;
-            nobody: it stays as it is.
+            nobody: the door does not move.
         opening: at the start.
         opening_time: from closed to open, and back, s.
         hold: for which it stays open after the last one has passed, s.

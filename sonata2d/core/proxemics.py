@@ -44,7 +44,10 @@ def clearance(snapshot: Snapshot) -> float:
 
 
 def touched_kind(snapshot: Snapshot) -> str | None:
-    """Kind of outline that the robot touches: the first of `human`, `robot`, `object` and `wall` (or door)."""
+    """Kind of outline that the robot touches: the first of `human`, `robot`, `object`, and `wall` or door.
+
+    None: it touches nothing.
+    """
     touched = {"wall" if contact.kind == "door" else contact.kind for contact in snapshot.contacts}
     return next((kind for kind in ("human", "robot", "object", "wall") if kind in touched), None)
 

@@ -336,6 +336,11 @@ class Scene(FloatFields, Drawable):
         solids += [(("door", door.id), [door.leaf(door.opening)]) for door in self.interior_doors if not door.moves]
         return solids
 
+    @property
+    def fixed_leaves(self) -> list[Edge]:
+        """The leaves of the interior doors that never move."""
+        return [door.leaf(door.opening) for door in self.interior_doors if not door.moves]
+
     @cached_property
     def moving_doors(self) -> tuple[InteriorDoor, ...]:
         """The interior doors that can open and close."""

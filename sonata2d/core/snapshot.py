@@ -13,7 +13,7 @@ from .devices import DeviceEvent
 from .doors import DoorState
 from .drawable import Drawable
 from .entities import ROBOT_ID, Furniture, Goal, Interaction, Robot, Wall
-from .geometry import Barriers, Point, Pose, Twist
+from .geometry import Barriers, Edge, Point, Pose, Twist
 from .humans import BODY_X, BODY_Y, GAZE_Y, OMEGA, VX, VY, Humans, X, Y, activities_of_present, frozen
 from .portable_math import Array, BoolArray, IntArray, angle_of, unit_vector
 from .relations import ACTIVITIES
@@ -259,7 +259,12 @@ class Snapshot(Drawable):
         """Everything solid but people and robots: barriers of the scene, then the leaves of the doors that move."""
         if not self.scene.moving_doors:
             return self.scene.barriers
-        return self.scene.barriers.joined(Barriers.of([each.leaf for each in self.doors if each.door.moves]))
+        return self.scene.barriers.joined(Barriers.of(self.moving_leaves))
+
+    @property
+    def moving_leaves(self) -> list[Edge]:
+        """The leaves of the interior doors that move, where they are in this tick."""
+        return [each.leaf for each in self.doors if each.door.moves]
 
     @property
     def dt(self) -> float:

@@ -53,11 +53,9 @@ def occupancy_grid(scene: Scene) -> JsonDict:
 def _occupied(scene: Scene, points: Array, cell: float) -> BoolArray:
     """(M,), whether points (M, 2) are occupied."""
     occupied = np.zeros(len(points), dtype=bool)
-    for wall in scene.walls:  # one at a time, to limit the memory
-        occupied |= Barriers.of([(wall.start, wall.end, 0.0)]).gaps(points)[0] <= cell * math.sqrt(0.5)
-    for door in scene.interior_doors:
-        if not door.moves:
-            occupied |= Barriers.of([door.leaf(door.opening)]).gaps(points)[0] <= cell * math.sqrt(0.5)
+    lines = [(wall.start, wall.end, 0.0) for wall in scene.walls]
+    for line in (*lines, *scene.fixed_leaves):  # one at a time, to limit the memory
+        occupied |= Barriers.of([line]).gaps(points)[0] <= cell * math.sqrt(0.5)
     for thing in scene.furniture:
         if thing.on is None:  # a thing on another one adds no footprint
             occupied |= _inside(points, thing)

@@ -14,7 +14,7 @@ from ..core.files.limits import MAX_ID
 from ..core.humans import frozen
 from ..core.portable_math import Array, BoolArray, IntArray
 from ..core.wording import counted
-from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
+from .layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict, moving_doors
 
 _ABSENT_ROW = [np.nan] * len(HUMAN_NAMES)
 
@@ -74,7 +74,7 @@ def columns_of(document: JsonDict) -> Columns:
         raise TypeError("frames must be a list")
     states = [*frames, document["final"]]
     people, others, types = len(document["humans"]), len(document.get("robots") or ()), set[type]()
-    doors = sum(door["opened_by"] != "nobody" for door in document.get("interior_doors") or ())
+    doors = len(moving_doors(document))
     activity = np.array([state["activity"] for state in states], dtype=np.int64).reshape(len(states), people)
     rows = [_ABSENT_ROW if row is None else row for row in _joined((state["humans"] for state in states), people)]
     robots = [other["robot"] for state in states for other in state["robots"]] if others else []

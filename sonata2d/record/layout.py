@@ -124,6 +124,11 @@ def scene_from_json(document: JsonDict) -> Scene:
     )
 
 
+def moving_doors(document: JsonDict) -> list[JsonDict]:
+    """The interior doors of a document that move, in the order of the openings in its frames."""
+    return [door for door in document.get("interior_doors") or () if door["opened_by"] != "nobody"]
+
+
 def human_to_json(human: Human) -> JsonDict:
     """Return a pedestrian as the file holds it, without rounding."""
     values: JsonDict = to_json_value(_entity_to_json(human), "human", exact=True)

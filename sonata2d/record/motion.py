@@ -69,9 +69,9 @@ def motion_of(record: EpisodeRecord) -> Motion:
     """The arrays of a recorded episode, world frame."""
     scene, states = record.scene(), record.states
     rows = [*record.document["frames"], record.document["final"]]
-    walls = np.array([[*wall.start, *wall.end] for wall in scene.walls], dtype=float).reshape(-1, 4)
-    fixed = [door for door in scene.interior_doors if not door.moves]
-    standing = leaf_lines(fixed, np.tile([door.opening for door in fixed], (len(rows), 1)))[..., :4]
+    lines = [(*wall.start, *wall.end) for wall in scene.walls]
+    lines += [(*start, *end) for start, end, _ in scene.fixed_leaves]
+    walls = np.array(lines, dtype=float).reshape(-1, 4)
     moving = leaf_lines(scene.moving_doors, states.doors)[..., :4]
     poses = [[thing.pose.x, thing.pose.y, thing.pose.theta] for thing in scene.furniture]
     objects = np.array(poses, dtype=float).reshape(-1, 3)
@@ -84,7 +84,7 @@ def motion_of(record: EpisodeRecord) -> Motion:
         present=states.present,
         activity=states.activity,
         goal=record.goals,
-        walls=frozen(np.concatenate((_repeated(walls, len(rows)), standing, moving), axis=1)),
+        walls=frozen(np.concatenate((_repeated(walls, len(rows)), moving), axis=1)),
         objects=_repeated(objects, len(rows)),
         command=record.command,
         executed=record.executed,

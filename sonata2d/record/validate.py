@@ -28,7 +28,7 @@ from ..core.state import HUMAN_SIZE
 from ..core.wording import described, shown, text_of
 from ..errors import InvalidFileError, RecordError, Sonata2dError
 from .columns import Columns, columns_of, frames_to_compare
-from .layout import ABSENT, COLUMNS, JsonDict, scene_to_json
+from .layout import ABSENT, COLUMNS, JsonDict, moving_doors, scene_to_json
 
 if TYPE_CHECKING:
     from ..agents.sensors.base import Sensor
@@ -255,7 +255,7 @@ def _state_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Find
     time = states[0]["time"]
     count, names = len(document["humans"]), document["activities"]
     robots, arrivals = len(document.get("robots") or ()), document["outcome"].get("arrivals") or ()
-    doors = sum(door["opened_by"] != "nobody" for door in document.get("interior_doors") or ())
+    doors = len(moving_doors(document))
     if len(arrivals) != (1 + robots if robots else 0) or any(tick and tick >= len(states) for tick in arrivals):
         yield "outcome.arrivals", f"must be a tick or null for each of {1 + robots} robots, got {shown(arrivals)}"
     for t, state in enumerate(states):
@@ -287,11 +287,10 @@ def _state_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Find
 
 def _door_findings(document: JsonDict, states: list[JsonDict]) -> Iterator[Finding]:
     """Doors begin as they are at the start, and their leaves move no faster than they can."""
-    doors = document.get("interior_doors") or ()
-    for door in doors:
+    for door in document.get("interior_doors") or ():
         if door["kind"] == "sliding" and door.get("opening", 0.0) < 0.0:
             yield "interior_doors", f"the opening of sliding door {door['id']} is below 0"
-    moving = [door for door in doors if door["opened_by"] != "nobody"]
+    moving = moving_doors(document)
     if not moving:
         return
     openings = [[door.get("opening", 0.0) for door in moving], *(state["doors"] for state in states)]

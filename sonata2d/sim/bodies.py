@@ -147,7 +147,7 @@ def is_recorded(human: Human) -> bool:
 def _static_shapes_of(scene: Scene) -> list[CObject]:
     """The walls and the furniture of a scene, and the doors that nobody opens."""
     shapes = _static_segments([(w.start, w.end, 0.0) for w in scene.straight_walls.values()])
-    shapes += _static_segments([door.leaf(door.opening) for door in scene.interior_doors if not door.moves])
+    shapes += _static_segments(scene.fixed_leaves)
     for k, piece in enumerate(scene.furniture):
         if piece.on is None:
             solid = _static_shapes(piece)

@@ -35,7 +35,7 @@ from ..core.tasks import next_stage, set_present_goal
 from .bodies import Bodies, is_recorded
 from .kernel.body import body_of
 from .kernel.chipmunk import EngineMemory, address_in_engine
-from .kernel.doors import move_doors, place_leaves
+from .kernel.doors import HELD, TARGET, move_doors, place_leaves
 from .kernel.presence import attendance_of
 from .kernel.rules import maximum_speeds, rules_of, walking_speeds
 from .kernel.safety import FASTEST_PERSON, OTHER_AT_FAULT, ROBOT_AT_FAULT, Guard
@@ -377,8 +377,8 @@ def _doors(scene: Scene, openings: Array, bodies: Bodies) -> Doors:
     openings[:] = [door.opening for door in doors]
     shapes = np.array([[*map(address_in_engine, leaf)] for leaf in bodies.leaves], dtype=np.int64)
     memory = np.zeros((len(doors), 4))
-    memory[:, 0] = np.sign(openings)
-    memory[:, 1] = [door.hold for door in doors]
+    memory[:, TARGET] = np.sign(openings)
+    memory[:, HELD] = [door.hold for door in doors]
     move = address_of(move_doors, PACKED) if doors else np.zeros(2, dtype=np.int64)
     return Doors(door_frames(doors, scene.rules.dt), openings, memory, shapes.reshape(-1, 3), np.zeros((1, 8)), move)
 

@@ -715,4 +715,4 @@ def _blocking_walls(scene: Scene) -> Iterator[tuple[Point, Point, float]]:
         sides = [(bx - ax) * (y - ay) - (by - ay) * (x - ax) for x, y in scene.polygon]
         if k >= len(scene.polygon) or min(sides) < -1e-9:  # the first walls are the edges of the outline
             yield wall.start, wall.end, 0.0
-    yield from (door.leaf(door.opening) for door in scene.interior_doors if not door.moves)
+    yield from scene.fixed_leaves

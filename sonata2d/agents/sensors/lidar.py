@@ -116,10 +116,8 @@ class Lidar(Sensor):
                 shown = side_lines(robot.body.outline, np.array([robot.position]), np.array([robot.direction]))[0]
                 lines[count : count + len(shown)] = shown
                 count += len(shown)
-            for door in snapshot.doors if scene.moving_doors else ():
-                if door.door.moves:
-                    start, end, radius = door.leaf
-                    lines[count], count = (*start, *end, radius), count + 1
+            for start, end, radius in snapshot.moving_leaves if scene.moving_doors else ():
+                lines[count], count = (*start, *end, radius), count + 1
             measure_ranges(x, y, c, s, solids.argument, lines[:count], directions, ranges)
             is_hit = ranges < self.distance
             if self.noise > 0.0:

@@ -24,7 +24,7 @@ from ...core.vectors import wrap_angle
 from ...errors import RecordError
 from ...record.canonical import serialise, to_json_value
 from ...record.files import compress, file_stem, file_suffix, read_stored, write_atomically
-from ...record.layout import JsonDict
+from ...record.layout import JsonDict, moving_doors
 from ...record.motion import HEAD, OMEGA, THETA, VY, Y
 from ...record.reader import read_episode
 from ...record.record import EpisodeRecord, record_from_document
@@ -258,7 +258,7 @@ def _document_image(document: JsonDict, label: LabelImage | None) -> JsonDict:
     """The image of an episode document, with the keys in the same order."""
     origin = document.get("mirrored_from")
     original_thetas = dict(origin["thetas"]) if origin else {}
-    hinged = [door["kind"] == "hinged" for door in document.get("interior_doors") or () if _moves(door)]
+    hinged = [door["kind"] == "hinged" for door in moving_doors(document)]
 
     def state_image(state: JsonDict) -> JsonDict:
         image = _frame_image(state, label)
@@ -371,10 +371,6 @@ def _area_image(area: JsonDict) -> JsonDict:
     """The image of an area."""
     image = area | {"polygon": _points_image(reversed(area["polygon"]))}
     return image | {"one_way": flipped_angle(area["one_way"])} if "one_way" in area else image
-
-
-def _moves(door: JsonDict) -> bool:
-    return bool(door["opened_by"] != "nobody")
 
 
 def _interior_door_image(door: JsonDict) -> JsonDict:

@@ -61,7 +61,8 @@ def scenario_from_map(path: str | Path, **options: Any) -> MapScenario:
         raise ConfigError(f"{path}: maps have one of the suffixes {', '.join(readers)}")
     reader, geometry = readers[path.suffix.lower()](), shapely()
     try:
-        plan = reader.read(path, MapOptions(**options))
+        chosen = MapOptions(**options)
+        plan = reader.read(path, chosen)
         settings = _settings(plan, path)
     except geometry.errors.ShapelyError as error:
         raise ConfigError(f"{path.name}: the outlines of the map cannot be used: {one_line(error, 200)}") from error
@@ -69,8 +70,8 @@ def scenario_from_map(path: str | Path, **options: Any) -> MapScenario:
         config = ScenarioConfig(**settings)
     except ConfigError as error:
         raise ConfigError(f"{path}: the map gives no valid scenario: {error}") from error
-    if leaves := MapOptions(**options).leaves:
-        config = _with_leaves(config, plan, leaves)
+    if chosen.leaves:
+        config = _with_leaves(config, plan, chosen.leaves)
     rings = (config.room.polygon or (), *config.room.holes)
     facts = {
         "walls": sum(map(len, rings)),

@@ -180,12 +180,12 @@ class InteriorDoorConfig(_DrawnOrFixed):
     Attributes:
         x, y: m, world frame: a place in the opening, from which walls on both sides are 0.5 to 3 m apart. Default: the
             doorway of a room of the kind `doorway`.
-        theta: rad, world frame: direction from the fixed end of the leaf along the closed leaf, up to a right angle.
-            Default: drawn of the two.
+        theta: rad, world frame: direction from the fixed end of the leaf along the closed leaf, to about 45°. Default:
+            drawn of the two.
         kind: `hinged`: the leaf turns on its fixed end, away from whoever opens it; `sliding`: it disappears in the
             wall.
         opened_by: `anyone`: people and robots, by a sensor; `people`: people, by hand; `request`: also robots that
-            stand before it for 1 s; `nobody`: it stays as it is.
+            stand before it for 1 s; `nobody`: the door does not move.
         opening: at the start: 0: closed; 1: open; of a hinged door also -1: open to the right, as seen from the hinge.
         opening_time: from closed to open, and back, s; 0.1 to 60.
         hold: for which the door stays open after the last one has passed, s.

@@ -44,7 +44,7 @@ _STANDING_SPEED, _ASKING_TIME = 0.1, 1.0  # m/s and s, of a robot that asks for 
 _MARGIN = 0.05  # m, that a moving leaf keeps from bodies
 _PATIENCE = 2.0  # s, after which a hinged leaf that is blocked tries the other side
 
-_TARGET, _HELD, _BLOCKED, _ASKED = range(4)  # columns of `Doors.memory`: an opening, and times, s
+TARGET, HELD, _BLOCKED, _ASKED = range(4)  # columns of `Doors.memory`: an opening, and times, s
 
 
 @kernel
@@ -60,17 +60,17 @@ def move_doors(packed_world: Any) -> None:
         memory, opening = doors.memory[d], doors.openings[d]
         side = _side_of_opener(world, d)
         if side != 0.0:
-            memory[_HELD] = doors.frames[d, HOLD]
-            if memory[_TARGET] == 0.0:
-                memory[_TARGET] = 1.0
+            memory[HELD] = doors.frames[d, HOLD]
+            if memory[TARGET] == 0.0:
+                memory[TARGET] = 1.0
                 if doors.frames[d, IS_HINGED] != 0.0:
-                    memory[_TARGET] = -side if opening == 0.0 else math.copysign(1.0, opening)
+                    memory[TARGET] = -side if opening == 0.0 else math.copysign(1.0, opening)
         else:
-            memory[_HELD] -= dt
-            if memory[_HELD] <= 0.0:
-                memory[_TARGET] = 0.0
+            memory[HELD] -= dt
+            if memory[HELD] <= 0.0:
+                memory[TARGET] = 0.0
         step = doors.frames[d, STEP]
-        wanted = quantised(opening + clipped(memory[_TARGET] - opening, -step, step))
+        wanted = quantised(opening + clipped(memory[TARGET] - opening, -step, step))
         if wanted == opening:
             memory[_BLOCKED] = 0.0
         elif _is_free(world, d, wanted):
@@ -78,7 +78,7 @@ def move_doors(packed_world: Any) -> None:
         else:
             memory[_BLOCKED] += dt
             if memory[_BLOCKED] > _PATIENCE and doors.frames[d, IS_HINGED] != 0.0:
-                memory[_TARGET], memory[_BLOCKED] = -memory[_TARGET], 0.0
+                memory[TARGET], memory[_BLOCKED] = -memory[TARGET], 0.0
     _place_leaves(world)
 
 
