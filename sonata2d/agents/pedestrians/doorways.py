@@ -66,7 +66,7 @@ def wait_at_doors(doors: Doorways, routes: Routes, walkers: Walkers, humans: Arr
     Args:
         doors: of the scene.
         routes: of the pedestrians.
-        walkers: desired directions and speeds of those who wait are changed.
+        walkers: those who wait get new desired directions and speeds.
         humans: (N, 9), columns of `core.humans`.
         is_present: (N,).
     """

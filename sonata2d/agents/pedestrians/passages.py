@@ -231,7 +231,7 @@ def give_way(
     Args:
         passages: updated.
         routes: of the pedestrians.
-        walkers: desired directions and speeds of those who wait are changed.
+        walkers: those who wait get new desired directions and speeds.
         humans: (N, 9), columns of `core.humans`.
         is_present: (N,).
         side: of the rules, +1 or -1: to which those step who wait right in front of a passage.

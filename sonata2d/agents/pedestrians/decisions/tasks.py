@@ -176,10 +176,7 @@ def advance_tasks(packed_state: Any, tick: int) -> None:
 
 @kernel
 def find_obstacles(packed_state: Any, with_robots: bool) -> None:
-    """Update the obstacles of paths: people who stand, leaves of doors that stand open, and robots that stand.
-
-    People who ignore robots do not walk round them.
-    """
+    """Update what paths lead round: people who stand, leaves of open doors, and, if asked, robots that stand."""
     crowd = unpack(packed_state, CrowdState)
     update_obstacles(crowd.obstacles, crowd.doorways, crowd.robots, crowd.company, crowd.is_present, with_robots)
 
