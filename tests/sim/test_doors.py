@@ -13,7 +13,9 @@ import pytest
 
 import sonata2d as s2
 from sonata2d.agents.sensors.lidar import Lidar
-from sonata2d.core.doors import leaf_lines
+from sonata2d.core.doors import InteriorDoor, leaf_lines
+from sonata2d.core.geometry import Barriers, Pose
+from sonata2d.core.leaves import door_frames, move_leaves
 from sonata2d.core.scene import Scene
 from sonata2d.core.separation import outline_gaps
 from sonata2d.datasets import mirrored
@@ -109,6 +111,16 @@ def test_leaves_never_overlap_with_bodies() -> None:
         assert outline_gaps(record.scene().robot.outline, robot[:, :2], heading, leaves).min() > -1e-3
         assert abs(record.states.doors).max() == 1.0
         assert [*implausible_values(record)] == []
+
+
+def test_kernels_and_interior_door_place_a_leaf_alike() -> None:
+    doors = [InteriorDoor(1, Pose(0.3, -1.2, 0.7), 0.9, kind) for kind in ("hinged", "sliding")]
+    for opening in (0.0, 0.123, 0.5, 1.0):
+        openings = np.array([-opening, opening])
+        table = np.zeros((len(doors), 8))
+        move_leaves(table, door_frames(doors, 0.1), openings)
+        expected = Barriers.of([door.leaf(value) for door, value in zip(doors, openings, strict=True)])
+        np.testing.assert_array_equal(table, expected.table)
 
 
 def test_a_leaf_stops_before_somebody_in_its_way_and_tries_the_other_side() -> None:
