@@ -21,6 +21,10 @@ class ControllerError(Sonata2dError):
     """A controller cannot be loaded, or its answer is not a valid command."""
 
 
+class BenchmarkError(Sonata2dError):
+    """A benchmark cannot be run, or a row does not hold what it claims."""
+
+
 class WorkerError(Sonata2dError):
     """A worker process crashed, or was killed."""
 

@@ -2,10 +2,10 @@
 
 These kinds can be extended by other packages, each through an entry-point group: controllers (`sonata2d.controllers`),
 pedestrian models (`sonata2d.pedestrian_models`), drives and sensors of robots (`sonata2d.drives`, `sonata2d.sensors`),
-formats (`sonata2d.formats`), metrics (`sonata2d.metrics`), room kinds (`sonata2d.room_kinds`), map readers
-(`sonata2d.map_readers`), question kinds (`sonata2d.question_kinds`), parts of observations
-(`sonata2d.observation_parts`) and types of furniture (`sonata2d.furniture_types`). CONTRIBUTING.md describes the entry
-points of each group.
+formats (`sonata2d.formats`), metrics (`sonata2d.metrics`), learned scores (`sonata2d.scorers`), room kinds
+(`sonata2d.room_kinds`), map readers (`sonata2d.map_readers`), question kinds (`sonata2d.question_kinds`), parts of
+observations (`sonata2d.observation_parts`) and types of furniture (`sonata2d.furniture_types`). CONTRIBUTING.md
+describes the entry points of each group.
 
 Listing names imports nothing; an object is imported when it is loaded.
 """
@@ -257,6 +257,9 @@ FORMATS = Registry(
     },
     RecordError,
 )
+
+SCORERS = Registry("learned score", "sonata2d.scorers", {}, ConfigError)
+"""Functions of an `EpisodeRecord` that return a number or None: advisory columns of the benchmark."""
 
 METRICS = Registry("metric", "sonata2d.metrics", {}, MetricError)  # built-in ones: sonata2d.metrics.catalogue
 

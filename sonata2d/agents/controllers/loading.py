@@ -155,6 +155,14 @@ class ControllerSource:
         controller: Controller = self._controller
         return controller
 
+    def unpack(self) -> list[str]:
+        """Write the files of the controller that this machine lacks; returns the folders of all its files."""
+        if isinstance(self._controller, str):
+            self._controller = self._with_copies(self._controller)
+        parts = _split_pair(self._controller) if isinstance(self._controller, str) else ()
+        files = (file for part in parts for file in (part, part.rpartition(":")[0]) if file and os.path.isfile(file))
+        return sorted({os.path.dirname(os.path.abspath(file)) for file in files})
+
     def _with_copies(self, name: str) -> str:
         """The name, in which files that this machine lacks, or has with another content, are copies of those sent."""
         for place, content in self._files.items():
@@ -181,7 +189,8 @@ class ControllerSource:
             place = next((file for file in (part, part.rpartition(":")[0]) if file and os.path.isfile(file)), None)
             if place is not None:
                 files[place] = Path(place).read_bytes()
-        return {"name": self.name, "_pickled": self._pickled, "_controller": None, "_files": files or self._files}
+        name = self._controller if isinstance(self._controller, str) else None
+        return {"name": self.name, "_pickled": self._pickled, "_controller": name, "_files": files or self._files}
 
 
 @cache

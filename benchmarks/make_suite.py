@@ -1,0 +1,129 @@
+"""Writes the suite s2b-1. It was run once: the suite is frozen, and its file is what counts.
+
+    python benchmarks/make_suite.py OUT.json
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import orjson
+
+import sonata2d as s2
+from sonata2d.benchmark.suite import Entry, Sensing, difficulty_of, joint_sha256, merged, scene_sha256
+from sonata2d.metrics.situations import SITUATIONS
+from sonata2d.metrics.definition import DEFINITIONS_VERSION
+from sonata2d.version import PHYSICS_VERSION
+
+TEST_SEED = 271828
+EXAMPLES = Path(__file__).parents[1] / "examples" / "scenarios"
+QUESTIONS = {
+    "encounters": "does the robot show manners in the 26 situations of Francis et al.?",
+    "rooms": "does it do the task of the SONATA papers, in rooms with people, furniture and interactions?",
+    "lively": "does it cope with people who react, are curious, stop, sit down and talk?",
+    "unyielding": "does it give way to people who never give way to a robot?",
+    "shift": "does it depend on our pedestrians, on exact perception or on a round holonomic robot?",
+    "maps": "does it find its way in floor plans with several rooms?",
+}
+ENCOUNTERS, SHIFT = 40, 80
+UNICYCLE = {"robot": {"kinematics": "unicycle", "body": {"shape": "rectangle", "length": 0.9, "width": 0.6}}}
+SHIFTS: dict[str, tuple[dict[str, Any], Sensing | None]] = {
+    "orca-people": ({"person": {"model": "orca2011"}}, None),
+    "fast-people": (
+        {"person": {"desired_speed": {"mean": 1.69, "sd": 0.26, "min": 1.04, "max": 2.34}}, "wandering": [3, 8]},
+        None,
+    ),
+    "tracking-noise": ({}, Sensing(occlusion=False, noise=0.1, velocity_noise=0.2)),
+    "narrow-view": ({}, Sensing(angle=2.0944, distance=10.0)),
+    "unicycle": (UNICYCLE, None),
+}
+
+
+def main(out: Path) -> None:
+    entries = [(part, name, config, scenes, sensing, situation) for part, name, config, scenes, sensing, situation in _all()]
+    defaults = _without_guard(s2.ScenarioConfig()).settings()
+    difficulties: dict[str, list[float]] = {part: [] for part in QUESTIONS}
+    rows = []
+    for part, name, config, scenes, sensing, situation in entries:
+        entry = Entry(part, name, config, scenes, sensing, situation)
+        hashes = []
+        for episode in range(scenes):
+            scene = entry.scene(TEST_SEED, episode)
+            hashes.append(scene_sha256(scene))
+            if (value := difficulty_of(scene)) is not None:
+                difficulties[part].append(value)
+        row: dict[str, Any] = {"part": part, "name": name, "scenes": scenes, "scenes_sha256": joint_sha256(hashes)}
+        if sensing is not None:
+            row["sensing"] = {key: getattr(sensing, key) for key in Sensing.__dataclass_fields__}
+        if situation is not None:
+            row["situation"] = situation
+        settings = config.settings()
+        row["settings"] = changes(defaults, settings)
+        assert s2.ScenarioConfig(**merged(defaults, row["settings"])) == config, name
+        rows.append(row)
+        print(name, scenes, f"{np.mean(difficulties[part]) if difficulties[part] else 0:.1f} s")
+    document = {
+        "suite": out.stem,
+        "physics": PHYSICS_VERSION,
+        "metrics": DEFINITIONS_VERSION,
+        "ends": "2028-12-31",
+        "test_seed": TEST_SEED,
+        "questions": QUESTIONS,
+        "thirds": {
+            part: [round(float(np.quantile(values, q)), 1) for q in (1 / 3, 2 / 3)]
+            for part, values in difficulties.items()
+        },
+        "defaults": defaults,
+        "entries": rows,
+    }
+    out.write_bytes(orjson.dumps(document, option=orjson.OPT_INDENT_2) + b"\n")
+
+
+def _all() -> list[tuple[str, str, s2.ScenarioConfig, int, Sensing | None, str | None]]:
+    found: list[Any] = [
+        ("encounters", name, s2.load_scenario(name), ENCOUNTERS, None, name) for name in sorted(SITUATIONS)
+    ]
+    for name, scenes in (("sonata-2020", 300), ("sonata-2020-crowded", 200), ("waiting-room", 100)):
+        found.append(("rooms", name, s2.load_scenario(name), scenes, None, None))
+    found.append(("lively", "lively", s2.load_scenario("lively"), 400, None, None))
+    for name in ("lively", "crossing-flows", "parallel-traffic"):
+        config = _changed(s2.load_scenario(name), {"person": {"ignores_robot": 1.0}})
+        config = _changed(config, {"people": [dict(person, reacts_to_robot=0.0) for person in config.settings()["people"]]})
+        found.append(("unyielding", f"unyielding-{name}", config, 60, None, None))
+    for name, (settings, sensing) in SHIFTS.items():
+        base = _changed(s2.load_scenario("sonata-2020"), {"wandering": [2, 8]})
+        found.append(("shift", name, _changed(base, settings), SHIFT, sensing, None))
+    for name in ("clinic_corridor", "home", "office"):
+        found.append(("maps", name, s2.load_scenario(str(EXAMPLES / f"{name}.yaml")), 60, None, None))
+    return [(part, name, _without_guard(config), *rest) for part, name, config, *rest in found]
+
+
+def _without_guard(config: s2.ScenarioConfig) -> s2.ScenarioConfig:
+    return _changed(config, {"rules": {"guard": False}})
+
+
+def _changed(config: s2.ScenarioConfig, settings: Mapping[str, Any]) -> s2.ScenarioConfig:
+    return s2.ScenarioConfig(**merged(config.settings(), settings))
+
+
+def changes(defaults: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings that differ from defaults, as `merged` reads them."""
+    found: dict[str, Any] = {}
+    for key, value in settings.items():
+        default = defaults.get(key)
+        if value == default:
+            continue
+        is_section = isinstance(value, Mapping) and isinstance(default, Mapping) and set(default) <= set(value)
+        if is_section:
+            found[key] = changes(default, value)
+        else:
+            found[f"{key}=" if isinstance(value, Mapping) else key] = value
+    return found
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

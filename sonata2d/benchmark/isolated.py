@@ -1,0 +1,325 @@
+"""A controller that runs in a process of its own and gets no more than the rules of the benchmark allow."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import pickle
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from ..agents.controllers.base import Answer, Controller, Stop
+from ..agents.controllers.loading import ControllerSource
+from ..agents.sensors.base import Sensor, definition_of, known_to, sensor_from
+from ..agents.sensors.estimates import Odometry
+from ..agents.sensors.lidar import Lidar
+from ..core.geometry import Twist
+from ..core.humans import BODY_X
+from ..core.portable_math import Array
+from ..core.scene import Scene
+from ..core.snapshot import Snapshot
+from ..core.state import EXECUTED_VX, ROBOT_SIZE
+from ..core.wording import shown
+from ..errors import BenchmarkError, ControllerError
+from ..scenegen.generator import generate
+from ..scenegen.scenario.config import ScenarioConfig
+from ..sim.episode import Episode
+from .child import ANSWER, COMMAND, ERROR, LENGTH, STOP
+from .shown import Perception, Sensing
+from .suite import SEES, Track
+
+BUDGET = 160  # calls of `fixed_work` in a tick: 0.1 s on the reference machine
+_AT_START = 20  # times the budget, in the first tick of an episode
+_MOST_SECONDS = 60.0  # for one answer, after which the process is ended
+_LOAD_SECONDS = 300.0
+LIDAR_SENSORS: tuple[Sensor, ...] = (Lidar(noise=0.01), Odometry())
+"""The sensors of the tracks `lidar` and `sees`: a controller has some of them, with these settings."""
+
+
+def fixed_work() -> int:
+    """A fixed amount of work, in whose calls the budget of time is counted: 10 000 steps of a congruence."""
+    x = 1
+    for _ in range(10_000):
+        x = (x * 1103515245 + 12345) & 0x7FFFFFFF
+    return x
+
+
+def seconds_of_fixed_work() -> float:
+    """Duration of a call of `fixed_work` on this machine at this moment, the shortest of five, s."""
+    durations = []
+    for _ in range(5):
+        start = time.perf_counter()
+        fixed_work()
+        durations.append(time.perf_counter() - start)
+    return min(durations)
+
+
+class Isolated(Controller):
+    """Drives with a controller in another process.
+
+    Args:
+        source: of the controller.
+        track: what it may observe.
+
+    Attributes:
+        sensing: of the scenes that follow; set before each episode.
+        late: ticks of the present episode whose answer came after the budget, so that the last command was held.
+        failure: description of the error that ended the episode; empty without an error.
+
+    Raises:
+        BenchmarkError: the controller cannot take part in the track, or broke a rule while it was loaded.
+        ControllerError: it cannot be loaded.
+    """
+
+    robots_as_people = True
+
+    def __init__(self, source: ControllerSource, track: Track = "state") -> None:
+        self._source, self._track = source, track
+        self.sensing: Sensing | None = None
+        self.late: list[int] = []
+        self.failure = ""
+        self._process: subprocess.Popen[bytes] | None = None
+        self._about: Mapping[str, Any] = {}
+        self._deadline, self._is_closed = math.inf, False
+        self._start()
+
+    def settings(self) -> dict[str, Any]:
+        return {}
+
+    @property
+    def is_deterministic(self) -> bool:
+        """Whether the controller says that equal snapshots always give equal answers."""
+        return bool(self._about["deterministic"])
+
+    def close(self) -> None:
+        """End the process."""
+        self._is_closed = True
+        process, self._process = self._process, None
+        if process is not None:
+            for pipe in (process.stdin, process.stdout):
+                if pipe is not None:
+                    with contextlib.suppress(OSError):
+                        pipe.close()
+            try:
+                process.wait(timeout=2.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+    def __del__(self) -> None:
+        with contextlib.suppress(Exception):
+            self.close()
+
+    def _start(self) -> None:
+        self.close()
+        self._is_closed = False
+        paths = [str(Path(__file__).resolve().parents[2]), *(path for path in sys.path if path)]
+        threads = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+        kept = {key: value for key, value in os.environ.items() if not key.startswith("SONATA2D_BENCHMARK")}
+        environment = kept | threads | {"PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"}
+        command = [sys.executable, "-c", "from sonata2d.benchmark.child import main; main()"]
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, close_fds=True
+        )
+        threading.Thread(target=self._watch, args=(self._process,), daemon=True).start()
+        kind, _, _, text = self._ask(("load", self._source, folders_of(self._source.name)), _LOAD_SECONDS)
+        if kind == ERROR:
+            self._raise_if_broken(text)
+            raise ControllerError(f"{self._source.name} cannot be loaded in a process of its own: {text}")
+        self._about = orjson.loads(text)
+        self.sensors = self._checked_sensors()
+        self._practise()
+        self._second = seconds_of_fixed_work()
+
+    def _watch(self, process: subprocess.Popen[bytes]) -> None:
+        """End a process that does not answer."""
+        while process.poll() is None and not self._is_closed:
+            if time.monotonic() > self._deadline:
+                process.kill()
+                return
+            time.sleep(0.5)
+
+    def _checked_sensors(self) -> list[Sensor]:
+        """The sensors of the controller.
+
+        Raises:
+            BenchmarkError: the track has others.
+        """
+        name, track = self._source.name, self._track
+        if self._about["image"]:
+            raise BenchmarkError(f"{name} requests camera images, which no track of the benchmark has")
+        if track == "lidar" and not self._about["partial"]:
+            raise BenchmarkError(f"the track lidar is for controllers with partial = True, which {name} has not")
+        sensors = []
+        for definition in self._about["sensors"]:
+            sensor = sensor_from(definition)
+            if sensor is None:
+                raise BenchmarkError(f"{name} has a sensor of its own, {definition['type']}; use a built-in one")
+            allowed = {each.name: each for each in LIDAR_SENSORS}
+            if track != "state" and definition["settings"] != _settings_of(allowed.get(sensor.name)):
+                raise BenchmarkError(
+                    f"the track {track} has the sensors {', '.join(map(repr, LIDAR_SENSORS))}; {name} has {sensor!r}"
+                )
+            sensors.append(sensor)
+        return sensors
+
+    def _practise(self) -> None:
+        """Some ticks in a scene of practice without a budget, in which code is compiled."""
+        self.sensing, self._second = None, math.inf
+        scene = generate(ScenarioConfig(humans=2, plants=1, tables=1), 1)
+        episode = Episode(scene, self)
+        for _ in range(3):
+            episode.step()
+
+    def reset(self, scene: Scene) -> None:
+        sensing = SEES if self._track == "sees" else self.sensing
+        self._perception = Perception(scene, sensing)
+        shown_scene = self._perception.scene
+        self._links: Any = shown_scene.interactions
+        if self._track == "lidar":
+            shown_scene = known_to(_PARTIAL, shown_scene)
+        self.late, self.failure, self._held = [], "", None
+        self._last, self._goal = Twist(), scene.goal
+        if self._process is None or self._process.poll() is not None:
+            self._start_again(scene)
+        kind, _, _, text = self._ask(("reset", shown_scene), _MOST_SECONDS)
+        if kind == ERROR:
+            self._fail(text)
+
+    def _start_again(self, scene: Scene) -> None:
+        """Start the process again, which ended in an earlier episode."""
+        sensing = self.sensing
+        self._start()
+        self.sensing = sensing
+        self.late, self.failure, self._held = [], "", None
+        self._last, self._goal = Twist(), scene.goal
+        self._perception = Perception(scene, SEES if self._track == "sees" else sensing)
+        self._links = self._perception.scene.interactions
+
+    def act(self, snapshot: Snapshot) -> Answer:
+        if self.failure:
+            return Stop(self.failure)
+        start = time.perf_counter()
+        kind, tick, command, text = self._ask(self._request(snapshot), _MOST_SECONDS)
+        taken = time.perf_counter() - start
+        self._held = None
+        if kind == STOP:
+            return Stop(text[:200])
+        if kind == ERROR:
+            self._fail(text)
+            return Stop(self.failure)
+        if kind != COMMAND or tick != snapshot.tick:
+            raise BenchmarkError(f"{self._source.name} answered out of turn at tick {snapshot.tick}")
+        if not all(map(math.isfinite, command)):
+            self._fail(f"the command is not finite: {command}")
+            return Stop(self.failure)
+        budget = BUDGET * (_AT_START if snapshot.tick == 0 else 1)
+        if taken > budget * self._second:
+            self.late.append(snapshot.tick)
+            self._held = (self._last.vx, self._last.vy, self._last.omega)
+        else:
+            self._last = Twist(*(min(max(value, -1e3), 1e3) for value in command))
+        return self._last
+
+    def _request(self, snapshot: Snapshot) -> tuple[Any, ...]:
+        state, links = self._perception.state(snapshot)
+        readings = None if snapshot.sensors is None else dict(snapshot.sensors)
+        goal = None if snapshot.goal is self._goal else snapshot.goal
+        row, activity, is_present, contacts = state.row, state.activity, state.is_present, snapshot.contacts
+        if self._track == "lidar":
+            row, activity, is_present, links, contacts = _own(row), activity[:0], None, (), ()
+        is_same = links is self._links or links == self._links
+        self._links = links
+        present = None if is_present is None else is_present.tobytes()
+        doors = 0 if self._track == "lidar" else state.door_count
+        return (
+            "act", snapshot.tick, row.tobytes(), activity.tobytes(), present, doors, None if is_same else links,
+            contacts, goal, readings, self._held,
+        )  # fmt: skip
+
+    def _fail(self, text: str) -> None:
+        self._raise_if_broken(text)
+        self.failure = f"the controller failed: {text}"[:200]
+
+    def _raise_if_broken(self, text: str) -> None:
+        if text.startswith("the controller tried to "):
+            raise BenchmarkError(f"{self._source.name} breaks the rules of the benchmark: {text}")
+
+    def _ask(self, request: tuple[Any, ...], seconds: float) -> tuple[bytes, int, tuple[float, ...], str]:
+        """The answer to a request: its kind, tick, command and text."""
+        process = self._process
+        assert process is not None
+        assert process.stdin is not None
+        assert process.stdout is not None
+        content = pickle.dumps(request, protocol=5)
+        self._deadline = time.monotonic() + seconds
+        try:
+            process.stdin.write(LENGTH.pack(len(content)) + content)
+            process.stdin.flush()
+            header = process.stdout.read(ANSWER.size)
+            if len(header) < ANSWER.size:
+                raise EOFError
+            kind, tick, vx, vy, omega, length = ANSWER.unpack(header)
+            text = process.stdout.read(min(length, 4000)).decode(errors="replace")
+        except (OSError, EOFError):
+            is_late = time.monotonic() > self._deadline
+            process.kill()
+            process.wait()
+            reason = f"there was no answer in {seconds:g} s" if is_late else "its process ended"
+            return ERROR, 0, (0.0, 0.0, 0.0), reason
+        finally:
+            self._deadline = math.inf
+        return kind, tick, (vx, vy, omega), text
+
+
+class _Partial(Controller):
+    partial = True
+
+    def act(self, snapshot: Snapshot) -> Answer:
+        return Twist()
+
+
+_PARTIAL = _Partial()
+
+
+def _own(row: Array) -> Array:
+    """The robot's part of a state without its pose and velocity."""
+    own = row[:ROBOT_SIZE].copy()
+    own[:EXECUTED_VX] = 0.0
+    own[BODY_X] = 1.0
+    return own
+
+
+def _settings_of(sensor: Sensor | None) -> Any:
+    return None if sensor is None else orjson.loads(orjson.dumps(definition_of(sensor)["settings"]))
+
+
+def files_of(name: str) -> list[Path]:
+    """The files that the name of a controller contains: a script, or a policy; of `driver+labeller`, of both.
+
+    Raises:
+        BenchmarkError: the name contains a file that does not exist.
+    """
+    files = []
+    for part in name.split("+"):
+        for place in (part, part.rpartition(":")[0]):
+            if place and os.path.isfile(place):
+                files.append(Path(place))
+                break
+        else:
+            if part.endswith((".py", ".npz", ".onnx")):
+                raise BenchmarkError(f"there is no file {shown(part)}")
+    return files
+
+
+def folders_of(name: str) -> list[str]:
+    """The folders of the files of a controller."""
+    return sorted({str(path.resolve().parent) for path in files_of(name)})

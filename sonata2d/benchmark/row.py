@@ -1,0 +1,522 @@
+"""Rows: folders with the scores of a controller, the hashes and commands of all its episodes, and its files.
+
+A row holds `row.json` (scores; the same bytes on every machine), `episodes.json` (values and hashes of all scenes),
+`commands.npz` (from which the episodes are replayed), `controller/` (its files), `run.json` (what is true of this run
+only, such as its duration) and `README.md` (the card, which its authors complete).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import shutil
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import orjson
+
+from ..agents.controllers.base import Controller
+from ..agents.controllers.loading import ControllerSource
+from ..core.files.archives import read_npz
+from ..core.files.limits import MAX_WEIGHTS_BYTES
+from ..core.files.reading import read_at_most
+from ..core.notebook import ProgressBar, bar_of
+from ..core.wording import counted, shown
+from ..datasets.workers.executors import Workers, parallel_map, shared_workers
+from ..datasets.workers.processes import end_if_unguarded
+from ..errors import BenchmarkError
+from ..record.files import write_atomically
+from ..record.layout import software_versions
+from ..registry import CONTROLLERS
+from ..version import __version__
+from .isolated import files_of
+from .run import Past, Run, Runner, Task, tasks_of
+from .scoring import require_scorers, summary
+from .suite import TRACKS, Suite, Track, commitment, joint_sha256, load_suite
+
+ROW, EPISODES, COMMANDS, RUN, CARD = "row.json", "episodes.json", "commands.npz", "run.json", "README.md"
+FILES, _PARTS, _PLAN = "controller", ".parts", "plan.json"
+_FORMAT, _VERSION = "sonata2d-benchmark-row", 1
+_MOST_JSON = 1 << 28  # bytes
+
+Badge = Literal["replayed", "re-run", "hidden"]
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Everything that determines a row.
+
+    Attributes:
+        suite: its name.
+        suite_sha256: hash of its file.
+        track: what the controller observes.
+        seeds: name of the seeds.
+        seed: of the scenes; None in the row of hidden seeds.
+        commitment: of hidden seeds; None of others.
+        controller: its name.
+        files: hashes of its files by name.
+        parts: names of parts or entries; empty: the whole suite.
+        scenes: largest number of scenes of each entry; None: all.
+        scorers: names of learned scores.
+    """
+
+    suite: str
+    suite_sha256: str
+    track: Track
+    seeds: str
+    seed: int | None
+    commitment: str | None
+    controller: str
+    files: dict[str, str]
+    parts: tuple[str, ...]
+    scenes: int | None
+    scorers: tuple[str, ...]
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the row has all scenes of the suite."""
+        return not self.parts and self.scenes is None
+
+    def to_json(self) -> dict[str, Any]:
+        """As rows hold it."""
+        return {key: getattr(self, key) for key in self.__dataclass_fields__} | {"sonata2d": __version__}
+
+    @classmethod
+    def from_json(cls, values: Any) -> Plan:
+        """The plan of a row.
+
+        Raises:
+            BenchmarkError: it is no plan.
+        """
+        try:
+            given = {key: values[key] for key in cls.__dataclass_fields__}
+            given |= {key: tuple(map(str, given[key])) for key in ("parts", "scorers")}
+            given["files"] = {str(name): str(value) for name, value in given["files"].items()}
+            plan = cls(**given)
+        except (KeyError, TypeError, AttributeError) as error:
+            raise BenchmarkError(f"the row does not say how it was made: {error!r:.100}") from None
+        if plan.track not in TRACKS:
+            raise BenchmarkError(f"there is no track {shown(plan.track)}; tracks are {', '.join(TRACKS)}")
+        return plan
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """Result of the verification of a row.
+
+    Attributes:
+        badges: that the row has earned.
+        problems: descriptions; empty: none.
+        scenes: number of scenes that were checked.
+    """
+
+    badges: tuple[Badge, ...]
+    problems: tuple[str, ...]
+    scenes: int
+
+
+def run_benchmark(
+    controller: str | Controller | type[Controller],
+    out: str | Path,
+    *,
+    suite: str = "s2b-1",
+    track: Track = "state",
+    seeds: str = "test",
+    seed: int = 1,
+    secret: bytes | None = None,
+    parts: Sequence[str] = (),
+    scenes: int | None = None,
+    scorers: Sequence[str] = (),
+    workers: int | Executor | Workers = 1,
+    progress: bool | ProgressBar | None = None,
+) -> Path:
+    """Run a controller in all scenes of a suite, in a process of its own, and write a row.
+
+    The same call continues a row that was interrupted.
+
+    Args:
+        controller: a name as on the command line, a class, or an object.
+        out: folder of the row.
+        suite: name of the suite.
+        track: `state`, `sees` or `lidar`.
+        seeds: `dev`, `test`, `hidden`, or a quarter that was revealed.
+        seed: of `dev`.
+        secret: of `hidden`.
+        parts: names of parts or entries, for trials; empty: all.
+        scenes: largest number of scenes of each entry, for trials; None: all.
+        scorers: names of learned scores, whose columns are advisory.
+        workers: number of processes; or an executor, or workers that several calls share, see `sonata2d.Workers`.
+        progress: as of `sonata2d.evaluate`.
+
+    Returns:
+        The path of `row.json`.
+
+    Raises:
+        BenchmarkError: the suite, track, seeds or a part are unknown, the folder holds another row, or the controller
+            breaks a rule.
+        ControllerError: the controller cannot be loaded, or fails in all of ten scenes.
+        ConfigError: there is no such learned score.
+        WorkerError: a worker crashed or was killed.
+    """
+    end_if_unguarded()
+    chosen, source = load_suite(suite), ControllerSource(controller)
+    chosen.require_versions()
+    if track not in TRACKS:
+        raise BenchmarkError(f"there is no track {shown(track)}; tracks are {', '.join(TRACKS)}")
+    require_scorers(scorers)
+    files = files_of(source.name) if isinstance(controller, str) else []
+    plan = Plan(
+        suite=suite,
+        suite_sha256=chosen.sha256,
+        track=track,
+        seeds=seeds,
+        seed=None if seeds == "hidden" else chosen.seed_of(seeds, seed=seed),
+        commitment=commitment(secret) if seeds == "hidden" and secret is not None else None,
+        controller=_public_name(source.name),
+        files={path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files},
+        parts=tuple(parts),
+        scenes=scenes,
+        scorers=tuple(scorers),
+    )
+    chosen = chosen.chosen(plan.parts, plan.scenes)
+    folder = Path(out)
+    place = _begun(folder, plan)
+    for path in files:
+        (folder / FILES).mkdir(exist_ok=True)
+        shutil.copyfile(path, folder / FILES / path.name)
+    runner = Runner(suite, load_suite(suite).seed_of(seeds, secret, seed), plan.controller, track, source, plan.scorers)
+    start = time.time()
+    runs = _runs(runner, tasks_of(chosen.entries), workers, bar_of(progress), place)
+    _check_scenes(chosen, runs, plan)
+    row = row_of(chosen, plan, runs)
+    _write(folder, row, runs, {"seconds": round(time.time() - start, 1), "software": software_versions()})
+    shutil.rmtree(place)
+    return folder / ROW
+
+
+def verify_row(
+    folder: str | Path,
+    *,
+    rerun: bool = False,
+    secret: bytes | None = None,
+    workers: int | Executor | Workers = 1,
+    progress: bool | ProgressBar | None = None,
+) -> Verification:
+    """Verify a row: replay the commands of all its episodes, and run its controller again.
+
+    Args:
+        folder: of the row.
+        rerun: whether to run the controller, whose code is in the row; only for rows that you trust that far.
+        secret: of hidden seeds.
+        workers, progress: as of `run_benchmark`.
+
+    Raises:
+        BenchmarkError: the folder holds no row, or a row of another suite, physics or version.
+    """
+    end_if_unguarded()
+    place = Path(folder)
+    row, stored, pasts = _read(place)
+    plan = Plan.from_json(row.get("plan"))
+    whole = load_suite(plan.suite)
+    whole.require_versions()
+    if plan.suite_sha256 != whole.sha256:
+        raise BenchmarkError(f"the row is of another version of {plan.suite} than this package")
+    seed, is_hidden = _seed_of(plan, whole, secret), plan.seeds == "hidden"
+    chosen = whole.chosen(plan.parts, plan.scenes)
+    if len(pasts) != chosen.count:
+        raise BenchmarkError(f"the row has {counted(len(pasts), 'episode')}, and its suite {chosen.count}")
+    problems = _file_problems(place, plan)
+    bar = bar_of(progress)
+    replayer = Runner(plan.suite, seed, plan.controller, plan.track, None, plan.scorers)
+    with shared_workers(workers) as pool:
+        runs = _runs(replayer, tasks_of(chosen.entries, pasts), pool, bar, None)
+        # whether an answer was late cannot be replayed; only a new run shows it
+        late = [each["late"] for each in stored]
+        runs = [run._replace(late=tuple(ticks)) for run, ticks in zip(runs, late, strict=True)]
+        problems += _differences(stored, runs)
+        if not problems and orjson.dumps(row_of(chosen, plan, runs)) != orjson.dumps(row):
+            problems.append(f"{ROW} does not hold the scores of its episodes")
+        badges: list[Badge] = [] if problems else ["replayed"]
+        if badges and rerun:
+            source = ControllerSource(_name_in(place, plan))
+            again = Runner(plan.suite, seed, plan.controller, plan.track, source, plan.scorers)
+            reruns = _runs(again, tasks_of(chosen.entries), pool, bar, None)
+            problems += _rerun_problems(chosen, plan, runs, reruns)
+            if not problems:
+                badges += ["re-run", "hidden"] if is_hidden else ["re-run"]
+    return Verification(tuple(badges), tuple(problems), len(runs))
+
+
+def row_of(suite: Suite, plan: Plan, runs: Sequence[Run]) -> dict[str, Any]:
+    """The content of `row.json`: what is the same on every machine."""
+    by_part: dict[str, list[Run]] = {}
+    for run in runs:
+        by_part.setdefault(suite.entry(run.entry).part, []).append(run)
+    parts = {
+        part: summary([run.values for run in own], [run.difficulty for run in own], suite.thirds[part])
+        for part, own in by_part.items()
+    }
+    # thirds of all scenes together are taken by the thirds of their parts
+    shares = [each["strict"] for each in parts.values()]
+    return {
+        "format": _FORMAT,
+        "version": _VERSION,
+        "plan": plan.to_json(),
+        "complete": plan.is_complete,
+        "scenes": len(runs),
+        "strict": round(sum(share["value"] * share["n"] for share in shares) / max(len(runs), 1), 6),
+        "late": sum(len(run.late) for run in runs),
+        "failed": sum(run.reason.startswith("the controller failed") for run in runs),
+        "parts": parts,
+        "episodes_sha256": joint_sha256([run.sha256 for run in runs]),
+    }
+
+
+def _public_name(name: str) -> str:
+    """The name of a controller without the folders of its files."""
+    return "+".join(part.replace("\\", "/").rpartition("/")[2] for part in name.split("+"))
+
+
+def _name_in(folder: Path, plan: Plan) -> str:
+    """The name of the controller of a row, with its files in the row.
+
+    Raises:
+        BenchmarkError: the row has neither its files nor the name of a stock controller.
+    """
+    parts = []
+    for part in plan.controller.split("+"):
+        file = part if part in plan.files else part.rpartition(":")[0]
+        if file in plan.files:
+            parts.append(str(folder / FILES / part))
+        elif part in CONTROLLERS:
+            parts.append(part)
+        else:
+            raise BenchmarkError(f"the row does not contain the controller {part!r}; it can be replayed, not run")
+    return "+".join(parts)
+
+
+def _begun(folder: Path, plan: Plan) -> Path:
+    """The folder of a row that is begun or continued; returns the place of its finished tasks.
+
+    Raises:
+        BenchmarkError: it holds a row, or the beginning of another one.
+    """
+    place = folder / _PARTS
+    if (folder / ROW).exists():
+        raise BenchmarkError(f"{folder} holds a row already; choose another folder, or delete it")
+    content = orjson.dumps(plan.to_json(), option=orjson.OPT_INDENT_2)
+    file = place / _PLAN
+    if file.exists() and file.read_bytes() != content:
+        raise BenchmarkError(f"{folder} holds the beginning of another row; choose another folder, or delete it")
+    if not file.exists() and folder.exists() and any(folder.iterdir()):
+        raise BenchmarkError(f"{folder} is not empty; choose another folder")
+    place.mkdir(parents=True, exist_ok=True)
+    write_atomically(file, content)
+    return place
+
+
+def _runs(
+    runner: Runner, tasks: Sequence[Task], workers: int | Executor | Workers, bar: ProgressBar, place: Path | None
+) -> list[Run]:
+    """The runs of all tasks; of a row that is continued, some from files."""
+    found: dict[int, list[Run]] = {}
+    for k in range(len(tasks) if place is not None else 0):
+        if (runs := _kept(place, k)) is not None:  # type: ignore[arg-type]
+            found[k] = runs
+    missing = [k for k in range(len(tasks)) if k not in found]
+    total = sum(task.count for task in tasks)
+    with bar(total, "scenes") as advance, _closing(runner):
+        advance(sum(tasks[k].count for k in found))
+        results = parallel_map(runner, [tasks[k] for k in missing], workers=workers)
+        for k, runs in zip(missing, results, strict=True):
+            found[k] = runs
+            if place is not None:
+                _keep(place, k, runs)
+            advance(len(runs))
+    return [run for k in range(len(tasks)) for run in found[k]]
+
+
+@contextmanager
+def _closing(runner: Runner) -> Any:
+    try:
+        yield
+    finally:
+        runner.close()
+
+
+def _keep(place: Path, k: int, runs: Sequence[Run]) -> None:
+    rows = [run._asdict() | {"commands": run.commands.hex()} for run in runs]
+    write_atomically(place / f"{k:04d}.json", orjson.dumps(rows))
+
+
+def _kept(place: Path, k: int) -> list[Run] | None:
+    try:
+        rows = orjson.loads((place / f"{k:04d}.json").read_bytes())
+    except (OSError, orjson.JSONDecodeError):
+        return None
+    made = (row | {"commands": bytes.fromhex(row["commands"]), "late": tuple(row["late"])} for row in rows)
+    return [Run(**row) for row in made]
+
+
+def _check_scenes(suite: Suite, runs: Sequence[Run], plan: Plan) -> None:
+    """Require the scenes of the suite; those of the test seed are known.
+
+    Raises:
+        BenchmarkError: this installation generates others.
+    """
+    if plan.seeds != "test":
+        return
+    whole = load_suite(plan.suite)
+    for entry in suite.entries:
+        hashes = [run.scene for run in runs if run.entry == entry.name]
+        is_whole = len(hashes) == whole.entry(entry.name).scenes
+        if is_whole and joint_sha256(hashes) != suite.scenes_sha256[entry.name]:
+            raise BenchmarkError(
+                f"this installation generates other scenes of {entry.name} than {suite.name} has; "
+                "run `sonata2d doctor`, and report it"
+            )
+
+
+def _write(folder: Path, row: dict[str, Any], runs: Sequence[Run], about: dict[str, Any]) -> None:
+    episodes = [
+        {key: value for key, value in run._asdict().items() if key != "commands"} | {"ticks": run.ticks}
+        for run in runs
+    ]
+    write_atomically(folder / EPISODES, b"[\n" + b",\n".join(map(orjson.dumps, episodes)) + b"\n]\n")
+    packed = io.BytesIO()
+    commands = np.frombuffer(b"".join(run.commands for run in runs), dtype="<i4").reshape(-1, 3)
+    np.savez_compressed(packed, commands=commands, ticks=np.array([run.ticks for run in runs], dtype="<i4"))
+    write_atomically(folder / COMMANDS, packed.getvalue())
+    write_atomically(folder / RUN, orjson.dumps(about, option=orjson.OPT_INDENT_2) + b"\n")
+    if not (folder / CARD).exists():
+        write_atomically(folder / CARD, _card(row).encode())
+    write_atomically(folder / ROW, orjson.dumps(row, option=orjson.OPT_INDENT_2) + b"\n")
+
+
+def _card(row: dict[str, Any]) -> str:
+    plan = row["plan"]
+    return (
+        f"# {plan['controller']} in {plan['suite']}\n\n"
+        f"Track {plan['track']}, seeds {plan['seeds']}: {row['strict']:.1%} of {row['scenes']} scenes strict.\n\n"
+        "- Authors:\n- Paper or page:\n- Training data and seeds:\n- Compute of the training:\n- Licence:\n"
+    )
+
+
+def read_row(folder: str | Path) -> dict[str, Any]:
+    """The content of `row.json` in a folder.
+
+    Raises:
+        BenchmarkError: there is none, or it cannot be read.
+    """
+    row = _json(Path(folder), ROW)
+    if not isinstance(row, dict) or row.get("format") != _FORMAT:
+        raise BenchmarkError(f"{Path(folder) / ROW} is no row of a benchmark")
+    if row.get("version") != _VERSION:
+        raise BenchmarkError(f"{Path(folder) / ROW} is a row of version {row.get('version')!r}, not of {_VERSION}")
+    Plan.from_json(row.get("plan"))
+    if not isinstance(row.get("parts"), dict) or not isinstance(row.get("strict"), float | int):
+        raise BenchmarkError(f"{Path(folder) / ROW} has no scores")
+    return row
+
+
+def _read(folder: Path) -> tuple[dict[str, Any], list[dict[str, Any]], list[Past]]:
+    """Row, episodes and commands.
+
+    Raises:
+        BenchmarkError: a file is missing or invalid.
+    """
+    row, episodes = read_row(folder), _json(folder, EPISODES)
+    try:
+        content = read_at_most(folder / COMMANDS, MAX_WEIGHTS_BYTES)
+        arrays = read_npz(content, MAX_WEIGHTS_BYTES, ["commands", "ticks"])
+        commands, ticks = arrays["commands"].astype("<i4"), arrays["ticks"].astype(int)
+        ends = np.cumsum(ticks)
+        if commands.ndim != 2 or commands.shape[1] != 3 or (ticks < 0).any() or ends[-1:].sum() != len(commands):
+            raise ValueError("the numbers of ticks do not belong to the commands")
+        pasts = [
+            Past(commands[end - count : end].tobytes(), str(each["status"]), str(each["reason"]))
+            for end, count, each in zip(ends, ticks, episodes, strict=True)
+        ]
+        for each in episodes:
+            if {"entry", "episode", "sha256", "late"} - set(each):
+                raise ValueError("an episode is not complete")
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        raise BenchmarkError(f"{folder} is no complete row: {error}") from None
+    return row, episodes, pasts
+
+
+def _json(folder: Path, name: str) -> Any:
+    try:
+        return orjson.loads(read_at_most(folder / name, _MOST_JSON))
+    except OSError:
+        raise BenchmarkError(f"{folder} has no {name}; it is no row, or one that is not finished") from None
+    except ValueError as error:
+        raise BenchmarkError(f"{folder / name} is no JSON file: {error}") from None
+
+
+def _seed_of(plan: Plan, suite: Suite, secret: bytes | None) -> int:
+    """The seed of a row.
+
+    Raises:
+        BenchmarkError: the secret is missing or another one, or the row names another seed than its seeds have.
+    """
+    if plan.seeds == "hidden":
+        if secret is None:
+            raise BenchmarkError("the row has hidden seeds, and is verified with the secret of their quarter")
+        if commitment(secret) != plan.commitment:
+            raise BenchmarkError("the row was made with another secret")
+        return suite.hidden_seed(secret)
+    if not isinstance(plan.seed, int):
+        raise BenchmarkError(f"the row has no seed, got {shown(plan.seed)}")
+    seed = suite.seed_of(plan.seeds, seed=plan.seed)
+    if seed != plan.seed:
+        raise BenchmarkError(f"the seeds {plan.seeds} have the seed {seed}, and the row {plan.seed}")
+    return seed
+
+
+def _file_problems(folder: Path, plan: Plan) -> list[str]:
+    problems = []
+    for name, sha256 in plan.files.items():
+        path = folder / FILES / Path(name).name
+        if not path.is_file():
+            problems.append(f"{FILES}/{name} is missing")
+        elif hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
+            problems.append(f"{FILES}/{name} is another file than the one that was run")
+    return problems
+
+
+def _differences(stored: Sequence[dict[str, Any]], runs: Sequence[Run]) -> list[str]:
+    """The scenes whose replay differs from the row, at most five."""
+    problems = []
+    for each, run in zip(stored, runs, strict=True):
+        if (each["entry"], each["episode"]) != (run.entry, run.episode):
+            return [f"episode {run.episode} of {run.entry} is not where it belongs"]
+        present = {key: value for key, value in run._asdict().items() if key != "commands"} | {"ticks": run.ticks}
+        wrong = [key for key, value in orjson.loads(orjson.dumps(present)).items() if each.get(key) != value]
+        if wrong:
+            problems.append(f"episode {run.episode} of {run.entry}: a replay gives another {', '.join(wrong)}")
+    return [*problems[:5], *([f"and {len(problems) - 5} more"] if len(problems) > 5 else [])]
+
+
+def _rerun_problems(suite: Suite, plan: Plan, runs: Sequence[Run], again: Sequence[Run]) -> list[str]:
+    """Problems of a second run: other commands, and scores beyond the intervals of the first run."""
+    others = sum(first.commands != second.commands for first, second in zip(runs, again, strict=True))
+    if not others:
+        return []
+    first, second = (row_of(suite, plan, each)["parts"] for each in (runs, again))
+    for part in first:
+        share, value = first[part]["strict"], second[part]["strict"]["value"]
+        if not share["low"] <= value <= share["high"]:
+            return [
+                f"{counted(others, 'scene')} got other commands in a second run, and {part} the share {value:.3f} of "
+                f"strict scenes, outside of {share['low']:.3f} to {share['high']:.3f}"
+            ]
+    return []
+
+

@@ -1,0 +1,186 @@
+"""Scores: values of each scene, and summaries in the groups task, safety and people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from ..errors import ConfigError
+from ..metrics.catalogue import METRICS
+from ..metrics.disturbance import without_robot
+from ..metrics.situations import judge
+from ..metrics.summary import bootstrap_interval, wilson_interval
+from ..metrics.trajectory import Trajectory
+from ..record.record import EpisodeRecord
+from ..registry import SCORERS
+
+Group = Literal["task", "safety", "people"]
+Values = Mapping[str, float | None]
+STRICT_PSC = 0.8
+_FAR = 10.0  # s, to which times to collision are cut, so that scenes without an approach count
+_METRICS = {
+    "success": "success",
+    "spl": "spl",
+    "time_to_collision": "time_to_collision_min",
+    "psc": "personal_space_compliance_0.45",
+    "group_intrusion": "group_intrusion",
+    "interaction_intrusion": "interaction_intrusion",
+    "human_slowing": "human_slowing",
+    "human_deviation": "human_deviation_mean",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """A number of a row.
+
+    Attributes:
+        group: that it belongs to.
+        kind: of the number: share of scenes with Wilson interval, mean with bootstrap interval, or 5th percentile.
+        better: direction.
+        unit: SI unit, or `share`.
+        meaning: in words.
+    """
+
+    group: Group
+    kind: Literal["share", "mean", "low"]
+    better: Literal["more", "less"]
+    unit: str
+    meaning: str
+
+
+SCORES: dict[str, Score] = {
+    "success": Score("task", "share", "more", "share", "the goal is reached within the limit of the scene"),
+    "spl": Score("task", "mean", "more", "share", "success weighted by path length; 0 for failed scenes"),
+    "time_ratio": Score("task", "mean", "less", "", "time, or the limit if it failed, over that of the shortest path"),
+    "contact_at_fault": Score("safety", "share", "less", "share", "a contact with a person by the robot's own motion"),
+    "contact": Score("safety", "share", "less", "share", "any contact"),
+    "obstacle_contact": Score("safety", "share", "less", "share", "a contact with walls, doors or furniture"),
+    "time_to_collision": Score("safety", "low", "more", "s", "least time to collision, cut at 10 s; 5th percentile"),
+    "psc": Score("people", "mean", "more", "share", "share of the time at more than 0.45 m from all people"),
+    "group_intrusion": Score("people", "mean", "less", "share", "share of the time within a talking group"),
+    "interaction_intrusion": Score("people", "mean", "less", "share", "share of the time within an interaction"),
+    "human_slowing": Score("people", "mean", "less", "m/s", "people are slower than without a robot"),
+    "human_deviation": Score("people", "mean", "less", "m", "distance of people from where they are without a robot"),
+}
+
+
+def values_of(record: EpisodeRecord, situation: str | None, scorers: Sequence[str] = ()) -> dict[str, float | None]:
+    """The values of a scene; None where one is not defined.
+
+    Args:
+        record: of the episode.
+        situation: that the scene is to show.
+        scorers: names of learned scores.
+    """
+    record = record.until_arrival()
+    trajectory = Trajectory(record, without_robot(record))
+    values = {name: METRICS[metric].of(trajectory) for name, metric in _METRICS.items()}
+    collisions = trajectory.collisions
+    with_people = [collision for collision in collisions if collision.kind == "human"]
+    values["contact_at_fault"] = float(any(collision.robot_at_fault for collision in with_people))
+    values["contact"] = float(bool(collisions))
+    values["obstacle_contact"] = float(len(with_people) < len(collisions))
+    values["time_to_collision"] = min(_or(values["time_to_collision"], _FAR), _FAR)
+    if values["spl"] is None:
+        values["spl"] = values["success"]  # the robot starts at the goal, or the goal moves
+    values["time_ratio"] = _time_ratio(trajectory, values["success"] == 1.0)
+    values["strict"] = float(is_strict(values))
+    if situation is not None:
+        values["took_place"] = float(judge(situation, record).took_place)
+    for name in scorers:
+        values[name] = scorer_of(name)(record)
+    return values
+
+
+def is_strict(values: Values) -> bool:
+    """Whether a scene is solved without fault: goal on time, no contact by own fault, personal space kept."""
+    no_contact = values["contact_at_fault"] == 0.0 and values["obstacle_contact"] == 0.0
+    return values["success"] == 1.0 and no_contact and _or(values["psc"], 1.0) >= STRICT_PSC
+
+
+def _time_ratio(trajectory: Trajectory, has_arrived: bool) -> float | None:
+    """Time of the robot, or the limit of a failed scene, over the time of the shortest path at top speed."""
+    scene = trajectory.scene
+    shortest = trajectory.shortest_path
+    if not shortest or not math.isfinite(shortest) or scene.goal.moves:
+        return None
+    taken = float(trajectory.time[-1] - trajectory.time[0]) if has_arrived else scene.rules.time_limit
+    return round(taken * scene.robot.top_speed / shortest, 6)
+
+
+def _or(value: float | None, default: float) -> float:
+    return default if value is None else value
+
+
+def scorer_of(name: str) -> Callable[[EpisodeRecord], float | None]:
+    """A learned score of an episode, by name, as an entry point of the group `sonata2d.scorers` gives it.
+
+    Raises:
+        ConfigError: the name is unknown, or the plug-in is no function.
+    """
+    scorer: Callable[[EpisodeRecord], float | None] = SCORERS.load(
+        name, lambda item: None if callable(item) else "is no function of an episode"
+    )
+    return scorer
+
+
+def require_scorers(names: Iterable[str]) -> None:
+    """Require that learned scores exist and do not have the name of another value.
+
+    Raises:
+        ConfigError: one does not.
+    """
+    for name in names:
+        scorer_of(name)
+        if name in {*SCORES, "strict", "took_place"}:
+            raise ConfigError(f"a learned score cannot have the name of a score, {name!r}; rename it")
+
+
+def summary(values: Sequence[Values], difficulties: Sequence[float | None], thirds: tuple[float, float]) -> Any:
+    """The scores of some scenes, as rows hold them.
+
+    Args:
+        values: of each scene.
+        difficulties: of each scene, s.
+        thirds: the difficulties that separate the thirds, s.
+    """
+    groups: dict[str, dict[str, Any]] = {"task": {}, "safety": {}, "people": {}}
+    for name, score in SCORES.items():
+        groups[score.group][name] = _summarised([each[name] for each in values], score.kind)
+    advisory = [name for name in (values[0] if values else ()) if name not in {*SCORES, "strict"}]
+    low, high = thirds
+    parts = (
+        [each for each, d in zip(values, difficulties, strict=True) if d is not None and first <= d < last]
+        for first, last in ((-math.inf, low), (low, high), (high, math.inf))
+    )
+    return {
+        "scenes": len(values),
+        "strict": _summarised([each["strict"] for each in values], "share"),
+        **groups,
+        "strict_by_thirds": [_summarised([each["strict"] for each in part], "share") for part in parts],
+        "advisory": {name: _summarised([each.get(name) for each in values], "mean") for name in advisory},
+    }
+
+
+def _summarised(values: Sequence[float | None], kind: str) -> Any:
+    """Value, interval and number of scenes."""
+    defined = [value for value in values if value is not None]
+    if not defined:
+        return {"value": None, "low": None, "high": None, "n": 0}
+    numbers = np.array(defined)
+    if kind == "share":
+        count = round(sum(defined))
+        value, interval = round(count / len(defined), 6), wilson_interval(count, len(defined))
+        return {"value": value, "low": interval.low, "high": interval.high, "n": len(defined)}
+    if kind == "low":
+        value = sorted(defined)[max(math.ceil(0.05 * len(defined)) - 1, 0)]
+        return {"value": round(value, 6), "low": None, "high": None, "n": len(defined)}
+    value = round(math.fsum(defined) / len(defined), 6) + 0.0
+    ends = bootstrap_interval(numbers)
+    low, high = ends or (None, None)
+    return {"value": value, "low": low, "high": high, "n": len(defined)}
