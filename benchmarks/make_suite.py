@@ -44,11 +44,10 @@ SHIFTS: dict[str, tuple[dict[str, Any], Sensing | None]] = {
 
 
 def main(out: Path) -> None:
-    entries = [(part, name, config, scenes, sensing, situation) for part, name, config, scenes, sensing, situation in _all()]
     defaults = _without_guard(s2.ScenarioConfig()).settings()
     difficulties: dict[str, list[float]] = {part: [] for part in QUESTIONS}
     rows = []
-    for part, name, config, scenes, sensing, situation in entries:
+    for part, name, config, scenes, sensing, situation in _all():
         entry = Entry(part, name, config, scenes, sensing, situation)
         hashes = []
         for episode in range(scenes):
@@ -63,7 +62,8 @@ def main(out: Path) -> None:
             row["situation"] = situation
         settings = config.settings()
         row["settings"] = changes(defaults, settings)
-        assert s2.ScenarioConfig(**merged(defaults, row["settings"])) == config, name
+        again = merged(defaults, row["settings"])
+        assert all(orjson.dumps(again[key]) == orjson.dumps(value) for key, value in settings.items()), name
         rows.append(row)
         print(name, scenes, f"{np.mean(difficulties[part]) if difficulties[part] else 0:.1f} s")
     document = {
@@ -115,13 +115,17 @@ def changes(defaults: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[st
     found: dict[str, Any] = {}
     for key, value in settings.items():
         default = defaults.get(key)
-        if value == default:
+        if orjson.dumps(value) == orjson.dumps(default):
             continue
-        is_section = isinstance(value, Mapping) and isinstance(default, Mapping) and set(default) <= set(value)
-        if is_section:
-            found[key] = changes(default, value)
+        if not isinstance(value, Mapping):
+            found[key] = value
+            continue
+        section = changes(default, value) if isinstance(default, Mapping) else {}
+        # the order of weights matters to what is drawn, and a merged section has the order of its defaults
+        if isinstance(default, Mapping) and orjson.dumps(merged(default, section)) == orjson.dumps(value):
+            found[key] = section
         else:
-            found[f"{key}=" if isinstance(value, Mapping) else key] = value
+            found[f"{key}="] = value
     return found
 
 

@@ -34,6 +34,7 @@ _SECTIONS = {
     },
     "Evaluate and view": {
         "evaluate": ("evaluate", "Compute metrics of episodes, or compare controllers."),
+        "benchmark": ("benchmark", "Run, verify and compare controllers in a frozen suite."),
         "standard-tests": ("standard_tests", "Run the standard tests of pedestrian models."),
         "render": ("render", "Draw an episode as a picture, a film or an HTML page."),
         "view": ("view", "Play episodes in a window, or watch a controller live."),

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,11 +37,12 @@ from .child import ANSWER, COMMAND, ERROR, LENGTH, STOP
 from .shown import Perception, Sensing
 from .suite import SEES, Track
 
+FAILED = "the controller failed"  # beginning of the reason of an episode that an error of the controller ended
 BUDGET = 160  # calls of `fixed_work` in a tick: 0.1 s on the reference machine
 _AT_START = 20  # times the budget, in the first tick of an episode
 _MOST_SECONDS = 60.0  # for one answer, after which the process is ended
 _LOAD_SECONDS = 300.0
-LIDAR_SENSORS: tuple[Sensor, ...] = (Lidar(noise=0.01), Odometry())
+LIDAR_SENSORS: tuple[Sensor, ...] = (Lidar(rays=180, distance=8.0, noise=0.01), Odometry())
 """The sensors of the tracks `lidar` and `sees`: a controller has some of them, with these settings."""
 
 
@@ -168,7 +170,7 @@ class Isolated(Controller):
                 raise BenchmarkError(
                     f"the track {track} has the sensors {', '.join(map(repr, LIDAR_SENSORS))}; {name} has {sensor!r}"
                 )
-            sensors.append(sensor)
+            sensors.append(replace(sensor, record=False))  # so that a replay needs no measurement
         return sensors
 
     def _practise(self) -> None:
@@ -247,7 +249,7 @@ class Isolated(Controller):
 
     def _fail(self, text: str) -> None:
         self._raise_if_broken(text)
-        self.failure = f"the controller failed: {text}"[:200]
+        self.failure = f"{FAILED}: {text}"[:200]
 
     def _raise_if_broken(self, text: str) -> None:
         if text.startswith("the controller tried to "):

@@ -30,20 +30,21 @@ from ..core.notebook import ProgressBar, bar_of
 from ..core.wording import counted, shown
 from ..datasets.workers.executors import Workers, parallel_map, shared_workers
 from ..datasets.workers.processes import end_if_unguarded
-from ..errors import BenchmarkError
+from ..errors import BenchmarkError, ControllerError
 from ..record.files import write_atomically
 from ..record.layout import software_versions
 from ..registry import CONTROLLERS
 from ..version import __version__
 from .isolated import files_of
 from .run import Past, Run, Runner, Task, tasks_of
-from .scoring import require_scorers, summary
+from .scoring import require_scorers, summary, third_of
 from .suite import TRACKS, Suite, Track, commitment, joint_sha256, load_suite
 
 ROW, EPISODES, COMMANDS, RUN, CARD = "row.json", "episodes.json", "commands.npz", "run.json", "README.md"
 FILES, _PARTS, _PLAN = "controller", ".parts", "plan.json"
 _FORMAT, _VERSION = "sonata2d-benchmark-row", 1
 _MOST_JSON = 1 << 28  # bytes
+_ENOUGH = 10  # scenes in which a controller fails, after which a run stops
 
 Badge = Literal["replayed", "re-run", "hidden"]
 
@@ -160,7 +161,7 @@ def run_benchmark(
     Raises:
         BenchmarkError: the suite, track, seeds or a part are unknown, the folder holds another row, or the controller
             breaks a rule.
-        ControllerError: the controller cannot be loaded, or fails in all of ten scenes.
+        ControllerError: the controller cannot be loaded, or fails in all of the first scenes.
         ConfigError: there is no such learned score.
         WorkerError: a worker crashed or was killed.
     """
@@ -255,25 +256,23 @@ def verify_row(
 
 def row_of(suite: Suite, plan: Plan, runs: Sequence[Run]) -> dict[str, Any]:
     """The content of `row.json`: what is the same on every machine."""
-    by_part: dict[str, list[Run]] = {}
-    for run in runs:
-        by_part.setdefault(suite.entry(run.entry).part, []).append(run)
-    parts = {
-        part: summary([run.values for run in own], [run.difficulty for run in own], suite.thirds[part])
-        for part, own in by_part.items()
-    }
-    # thirds of all scenes together are taken by the thirds of their parts
-    shares = [each["strict"] for each in parts.values()]
+    part_of = {entry.name: entry.part for entry in suite.entries}
+    thirds = [third_of(run.difficulty, suite.thirds[part_of[run.entry]]) for run in runs]
+
+    def scores(*parts: str) -> dict[str, Any]:
+        own = [k for k, run in enumerate(runs) if part_of[run.entry] in parts]
+        return summary([runs[k].values for k in own], [thirds[k] for k in own])
+
+    parts = list(dict.fromkeys(part_of.values()))
     return {
         "format": _FORMAT,
         "version": _VERSION,
         "plan": plan.to_json(),
         "complete": plan.is_complete,
-        "scenes": len(runs),
-        "strict": round(sum(share["value"] * share["n"] for share in shares) / max(len(runs), 1), 6),
         "late": sum(len(run.late) for run in runs),
-        "failed": sum(run.reason.startswith("the controller failed") for run in runs),
-        "parts": parts,
+        "failed": sum(run.has_failed for run in runs),
+        "all": scores(*parts),
+        "parts": {part: scores(part) for part in parts},
         "episodes_sha256": joint_sha256([run.sha256 for run in runs]),
     }
 
@@ -336,10 +335,22 @@ def _runs(
         results = parallel_map(runner, [tasks[k] for k in missing], workers=workers)
         for k, runs in zip(missing, results, strict=True):
             found[k] = runs
+            _stop_if_useless(runner.name, found)
             if place is not None:
                 _keep(place, k, runs)
             advance(len(runs))
     return [run for k in range(len(tasks)) for run in found[k]]
+
+
+def _stop_if_useless(name: str, found: dict[int, list[Run]]) -> None:
+    """Stop if the controller has failed in all of the first scenes: it does not work at all.
+
+    Raises:
+        ControllerError: it has.
+    """
+    runs = [run for each in found.values() for run in each]
+    if len(runs) >= _ENOUGH and all(run.has_failed for run in runs):
+        raise ControllerError(f"{name} failed in all of the first {len(runs)} scenes: {runs[0].reason}")
 
 
 @contextmanager
@@ -403,7 +414,7 @@ def _card(row: dict[str, Any]) -> str:
     plan = row["plan"]
     return (
         f"# {plan['controller']} in {plan['suite']}\n\n"
-        f"Track {plan['track']}, seeds {plan['seeds']}: {row['strict']:.1%} of {row['scenes']} scenes strict.\n\n"
+        f"Track {plan['track']}, seeds {plan['seeds']}: {row['all']['strict']['value']:.1%} of {row['all']['scenes']} scenes strict.\n\n"
         "- Authors:\n- Paper or page:\n- Training data and seeds:\n- Compute of the training:\n- Licence:\n"
     )
 
@@ -420,7 +431,7 @@ def read_row(folder: str | Path) -> dict[str, Any]:
     if row.get("version") != _VERSION:
         raise BenchmarkError(f"{Path(folder) / ROW} is a row of version {row.get('version')!r}, not of {_VERSION}")
     Plan.from_json(row.get("plan"))
-    if not isinstance(row.get("parts"), dict) or not isinstance(row.get("strict"), float | int):
+    if not isinstance(row.get("parts"), dict) or not isinstance(row.get("all"), dict):
         raise BenchmarkError(f"{Path(folder) / ROW} has no scores")
     return row
 

@@ -20,11 +20,12 @@ from ..registry import SCORERS
 
 Group = Literal["task", "safety", "people"]
 Values = Mapping[str, float | None]
-STRICT_PSC = 0.8
+_POLITE_PSC, _MOST_INTRUSION = 0.8, 0.05
 _FAR = 10.0  # s, to which times to collision are cut, so that scenes without an approach count
 _METRICS = {
     "success": "success",
     "spl": "spl",
+    "stl": "stl",
     "time_to_collision": "time_to_collision_min",
     "psc": "personal_space_compliance_0.45",
     "group_intrusion": "group_intrusion",
@@ -55,12 +56,15 @@ class Score:
 
 SCORES: dict[str, Score] = {
     "success": Score("task", "share", "more", "share", "the goal is reached within the limit of the scene"),
+    "stl": Score("task", "mean", "more", "share", "success weighted by time; 0 for failed scenes"),
     "spl": Score("task", "mean", "more", "share", "success weighted by path length; 0 for failed scenes"),
     "time_ratio": Score("task", "mean", "less", "", "time, or the limit if it failed, over that of the shortest path"),
+    "safe": Score("safety", "share", "more", "share", "the goal is reached without a contact by the robot's fault"),
     "contact_at_fault": Score("safety", "share", "less", "share", "a contact with a person by the robot's own motion"),
     "contact": Score("safety", "share", "less", "share", "any contact"),
     "obstacle_contact": Score("safety", "share", "less", "share", "a contact with walls, doors or furniture"),
     "time_to_collision": Score("safety", "low", "more", "s", "least time to collision, cut at 10 s; 5th percentile"),
+    "polite": Score("people", "share", "more", "share", "the goal is reached, psc ≥ 0.8, interaction_intrusion ≤ 0.05"),
     "psc": Score("people", "mean", "more", "share", "share of the time at more than 0.45 m from all people"),
     "group_intrusion": Score("people", "mean", "less", "share", "share of the time within a talking group"),
     "interaction_intrusion": Score("people", "mean", "less", "share", "share of the time within an interaction"),
@@ -86,10 +90,11 @@ def values_of(record: EpisodeRecord, situation: str | None, scorers: Sequence[st
     values["contact"] = float(bool(collisions))
     values["obstacle_contact"] = float(len(with_people) < len(collisions))
     values["time_to_collision"] = min(_or(values["time_to_collision"], _FAR), _FAR)
-    if values["spl"] is None:
-        values["spl"] = values["success"]  # the robot starts at the goal, or the goal moves
+    for name in ("spl", "stl"):
+        if values[name] is None:  # no path is known
+            values[name] = values["success"]
     values["time_ratio"] = _time_ratio(trajectory, values["success"] == 1.0)
-    values["strict"] = float(is_strict(values))
+    values |= judged(values)
     if situation is not None:
         values["took_place"] = float(judge(situation, record).took_place)
     for name in scorers:
@@ -97,10 +102,18 @@ def values_of(record: EpisodeRecord, situation: str | None, scorers: Sequence[st
     return values
 
 
-def is_strict(values: Values) -> bool:
-    """Whether a scene is solved without fault: goal on time, no contact by own fault, personal space kept."""
-    no_contact = values["contact_at_fault"] == 0.0 and values["obstacle_contact"] == 0.0
-    return values["success"] == 1.0 and no_contact and _or(values["psc"], 1.0) >= STRICT_PSC
+def judged(values: Values) -> dict[str, float | None]:
+    """Whether a scene is solved safely, politely, and both: 1 or 0. A scene whose goal is not reached is neither.
+
+    Args:
+        values: of the scene.
+    """
+    is_solved = values["success"] == 1.0
+    is_safe = is_solved and values["contact_at_fault"] == 0.0 and values["obstacle_contact"] == 0.0
+    is_near = _or(values["psc"], 1.0) < _POLITE_PSC
+    intrudes = _or(values["interaction_intrusion"], 0.0) > _MOST_INTRUSION
+    is_polite = is_solved and not is_near and not intrudes
+    return {"safe": float(is_safe), "polite": float(is_polite), "strict": float(is_safe and is_polite)}
 
 
 def _time_ratio(trajectory: Trajectory, has_arrived: bool) -> float | None:
@@ -141,28 +154,29 @@ def require_scorers(names: Iterable[str]) -> None:
             raise ConfigError(f"a learned score cannot have the name of a score, {name!r}; rename it")
 
 
-def summary(values: Sequence[Values], difficulties: Sequence[float | None], thirds: tuple[float, float]) -> Any:
+def third_of(difficulty: float | None, thirds: tuple[float, float]) -> int | None:
+    """0, 1 or 2 of the easiest, middle and hardest third of a part; None where difficulty is not defined."""
+    return None if difficulty is None else int(difficulty >= thirds[0]) + int(difficulty >= thirds[1])
+
+
+def summary(values: Sequence[Values], thirds: Sequence[int | None]) -> dict[str, Any]:
     """The scores of some scenes, as rows hold them.
 
     Args:
         values: of each scene.
-        difficulties: of each scene, s.
-        thirds: the difficulties that separate the thirds, s.
+        thirds: of each scene, see `third_of`.
     """
     groups: dict[str, dict[str, Any]] = {"task": {}, "safety": {}, "people": {}}
     for name, score in SCORES.items():
         groups[score.group][name] = _summarised([each[name] for each in values], score.kind)
-    advisory = [name for name in (values[0] if values else ()) if name not in {*SCORES, "strict"}]
-    low, high = thirds
-    parts = (
-        [each for each, d in zip(values, difficulties, strict=True) if d is not None and first <= d < last]
-        for first, last in ((-math.inf, low), (low, high), (high, math.inf))
-    )
+    known = {*SCORES, "strict"}
+    advisory = list(dict.fromkeys(name for each in values for name in each if name not in known))
+    by_third = [[each["strict"] for each, t in zip(values, thirds, strict=True) if t == third] for third in range(3)]
     return {
         "scenes": len(values),
         "strict": _summarised([each["strict"] for each in values], "share"),
         **groups,
-        "strict_by_thirds": [_summarised([each["strict"] for each in part], "share") for part in parts],
+        "strict_by_thirds": [_summarised(part, "share") for part in by_third],
         "advisory": {name: _summarised([each.get(name) for each in values], "mean") for name in advisory},
     }
 

@@ -31,7 +31,7 @@ Track = Literal["state", "sees", "lidar"]
 TRACKS: dict[Track, str] = {
     "state": "the poses and velocities of all people, exact",
     "sees": "people in a field of view of 120 degrees and 10 m, hidden by walls and other people, with noise",
-    "lidar": "a scan of 270 degrees with noise, and odometry",
+    "lidar": "180 ranges all around, up to 8 m, with noise of 1 cm, and odometry",
 }
 SEES = Sensing(angle=2.0944, distance=10.0, noise=0.05, velocity_noise=0.1)
 
