@@ -1,6 +1,6 @@
 """Writes the suite s2b-1. It was run once: the suite is frozen, and its file is what counts.
 
-    python benchmarks/make_suite.py OUT.json
+python benchmarks/make_suite.py OUT.json
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import orjson
 
 import sonata2d as s2
 from sonata2d.benchmark.suite import Entry, Sensing, difficulty_of, joint_sha256, merged, scene_sha256
-from sonata2d.metrics.situations import SITUATIONS
 from sonata2d.metrics.definition import DEFINITIONS_VERSION
+from sonata2d.metrics.situations import SITUATIONS
 from sonata2d.version import PHYSICS_VERSION
 
 TEST_SEED = 271828
@@ -92,7 +92,9 @@ def _all() -> list[tuple[str, str, s2.ScenarioConfig, int, Sensing | None, str |
     found.append(("lively", "lively", s2.load_scenario("lively"), 400, None, None))
     for name in ("lively", "crossing-flows", "parallel-traffic"):
         config = _changed(s2.load_scenario(name), {"person": {"ignores_robot": 1.0}})
-        config = _changed(config, {"people": [dict(person, reacts_to_robot=0.0) for person in config.settings()["people"]]})
+        config = _changed(
+            config, {"people": [dict(person, reacts_to_robot=0.0) for person in config.settings()["people"]]}
+        )
         found.append(("unyielding", f"unyielding-{name}", config, 60, None, None))
     for name, (settings, sensing) in SHIFTS.items():
         base = _changed(s2.load_scenario("sonata-2020"), {"wandering": [2, 8]})

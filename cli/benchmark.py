@@ -95,7 +95,11 @@ def list_(suite: str) -> None:
 @_TRACK
 @_seeds_options
 @click.option(
-    "--scorer", "scorers", multiple=True, metavar="NAME", help="A learned score for an advisory column; may be repeated."
+    "--scorer",
+    "scorers",
+    multiple=True,
+    metavar="NAME",
+    help="A learned score for an advisory column; may be repeated.",
 )
 @workers_options
 @json_option

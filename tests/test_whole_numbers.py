@@ -36,10 +36,13 @@ from sonata2d.agents.controllers.planner import Weights
 from sonata2d.agents.drives.built_in import Bicycle, Differential
 from sonata2d.agents.sensors.base import SensorNoise
 from sonata2d.agents.sensors.lidar import LidarReading
+from sonata2d.benchmark import Sensing
+from sonata2d.benchmark.shown import Perception
 from sonata2d.core.entities import Furniture, Goal, Human, Limits, Robot, Wall
 from sonata2d.core.floats import FloatFields
 from sonata2d.core.geometry import Disc, Rectangle
 from sonata2d.core.scene import Rules
+from sonata2d.core.snapshot import snapshot_of
 from sonata2d.errors import ConfigError, RenderError
 from sonata2d.formats.format import Options
 from sonata2d.gym.description import describe
@@ -236,6 +239,11 @@ def split(n: Number) -> Any:
 
 # By name: calls with numbers in the places of floats.
 CASES: dict[str, Callable[[Number], Any]] = {
+    "sonata2d.benchmark.Sensing": lambda n: (
+        Perception(scene(), Sensing(n(2), n(5), noise=n(1), velocity_noise=n(1)))
+        .state(snapshot_of(scene()))[0]
+        .row.tolist()
+    ),
     "sonata2d.HumanLike": lambda n: document(s2.HumanLike(delay=n(1), lag=n(1), noise=n(1))),
     "sonata2d.SocialPlanner": lambda n: document(s2.SocialPlanner(Weights(*(n(2) for _ in fields(Weights))))),
     "sonata2d.StraightToGoal": lambda n: document(s2.StraightToGoal(n(1), n(3))),
@@ -327,6 +335,7 @@ CASES: dict[str, Callable[[Number], Any]] = {
 
 # Values that sonata2d makes, or passes to methods of subclasses; and numbers between 0 and 1.
 MADE = {
+    "sonata2d.benchmark.Suite",
     "sonata2d.agents.Costmap",
     "sonata2d.agents.Sensor",
     "sonata2d.gym.WorldsStep",

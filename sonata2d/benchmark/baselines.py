@@ -1,4 +1,4 @@
-"""Baselines of the benchmark: controllers that come with sonata2d, and controllers that show what scores must refuse."""
+"""Baselines of the benchmark: controllers of sonata2d, and some that show what scores must refuse."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """The process of a controller in the benchmark: it gets snapshots through a pipe, and answers with three numbers.
 
 An audit hook (PEP 578) refuses what a controller of the benchmark must not do: start processes, use the network, read
-or write files other than its own and the installed packages, generate scenes and simulate worlds. The hook stops code in
-Python; it is no sandbox against native code. What a controller finds in this process in spite of it is worth little: no
-seed, no settings and no intentions of people are ever sent here.
+or write files other than its own and the installed packages, generate scenes and simulate worlds. The hook stops code
+in Python; it is no sandbox against native code. No seed, no settings and no intentions of people are ever sent to this
+process, so that little is to be found here.
 """
 
 from __future__ import annotations

@@ -88,6 +88,7 @@ class Isolated(Controller):
         self.sensing: Sensing | None = None
         self.late: list[int] = []
         self.failure = ""
+        self._held: tuple[float, float, float] | None = None
         self._process: subprocess.Popen[bytes] | None = None
         self._about: Mapping[str, Any] = {}
         self._deadline, self._is_closed = math.inf, False
@@ -124,7 +125,7 @@ class Isolated(Controller):
         self.close()
         self._is_closed = False
         paths = [str(Path(__file__).resolve().parents[2]), *(path for path in sys.path if path)]
-        threads = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+        threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
         kept = {key: value for key, value in os.environ.items() if not key.startswith("SONATA2D_BENCHMARK")}
         environment = kept | threads | {"PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"}
         command = [sys.executable, "-c", "from sonata2d.benchmark.child import main; main()"]

@@ -11,7 +11,7 @@ import hashlib
 import io
 import shutil
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -329,9 +329,9 @@ def _runs(
         if (runs := _kept(place, k)) is not None:  # type: ignore[arg-type]
             found[k] = runs
     missing = [k for k in range(len(tasks)) if k not in found]
-    total = sum(task.count for task in tasks)
+    total = sum(task.scenes for task in tasks)
     with bar(total, "scenes") as advance, _closing(runner):
-        advance(sum(tasks[k].count for k in found))
+        advance(sum(tasks[k].scenes for k in found))
         results = parallel_map(runner, [tasks[k] for k in missing], workers=workers)
         for k, runs in zip(missing, results, strict=True):
             found[k] = runs
@@ -396,8 +396,7 @@ def _check_scenes(suite: Suite, runs: Sequence[Run], plan: Plan) -> None:
 
 def _write(folder: Path, row: dict[str, Any], runs: Sequence[Run], about: dict[str, Any]) -> None:
     episodes = [
-        {key: value for key, value in run._asdict().items() if key != "commands"} | {"ticks": run.ticks}
-        for run in runs
+        {key: value for key, value in run._asdict().items() if key != "commands"} | {"ticks": run.ticks} for run in runs
     ]
     write_atomically(folder / EPISODES, b"[\n" + b",\n".join(map(orjson.dumps, episodes)) + b"\n]\n")
     packed = io.BytesIO()
@@ -411,10 +410,10 @@ def _write(folder: Path, row: dict[str, Any], runs: Sequence[Run], about: dict[s
 
 
 def _card(row: dict[str, Any]) -> str:
-    plan = row["plan"]
+    plan, strict = row["plan"], row["all"]["strict"]["value"]
     return (
         f"# {plan['controller']} in {plan['suite']}\n\n"
-        f"Track {plan['track']}, seeds {plan['seeds']}: {row['all']['strict']['value']:.1%} of {row['all']['scenes']} scenes strict.\n\n"
+        f"Track {plan['track']}, seeds {plan['seeds']}: {strict:.1%} of {row['all']['scenes']} scenes strict.\n\n"
         "- Authors:\n- Paper or page:\n- Training data and seeds:\n- Compute of the training:\n- Licence:\n"
     )
 
@@ -529,5 +528,3 @@ def _rerun_problems(suite: Suite, plan: Plan, runs: Sequence[Run], again: Sequen
                 f"strict scenes, outside of {share['low']:.3f} to {share['high']:.3f}"
             ]
     return []
-
-

@@ -76,13 +76,14 @@ class Task(NamedTuple):
 
     Attributes:
         entry: its name.
-        first, count: numbers of the scenes.
+        first: number of the first scene.
+        scenes: number of scenes.
         pasts: of each scene, to be replayed; None: the controller drives.
     """
 
     entry: str
     first: int
-    count: int
+    scenes: int
     pasts: tuple[Past, ...] | None = None
 
 
@@ -115,7 +116,7 @@ class Runner:
         """
         entry = load_suite(self.suite).entry(task.entry)
         runs = []
-        for k in range(task.count):
+        for k in range(task.scenes):
             stop_if_over()
             past = None if task.pasts is None else task.pasts[k]
             runs.append(self._run(entry, task.first + k, past))

@@ -1,4 +1,4 @@
-"""The part of a scene and its snapshots that a controller of the benchmark gets: no seed, no settings, no intentions."""
+"""The part of a scene and its snapshots that a controller of the benchmark gets: no seed, settings or intentions."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from ..agents.sensors.base import SensorNoise
 from ..agents.sensors.estimates import FieldOfView
 from ..core.entities import Human, Interaction
+from ..core.floats import FloatFields
 from ..core.geometry import Pose
 from ..core.humans import VX, VY, X, Y, frozen
 from ..core.portable_math import Array, BoolArray
@@ -22,7 +23,7 @@ _NAME = "benchmark"
 
 
 @dataclass(frozen=True, slots=True)
-class Sensing:
+class Sensing(FloatFields):
     """Perception of people: a field of view, hidden people and noise. The robot knows the room and itself.
 
     Attributes:
@@ -107,9 +108,7 @@ def _seen(scene: Scene, sensing: Sensing) -> Callable[[Snapshot], BoolArray]:
 def _between_seen(scene: Scene, is_seen: BoolArray, links: tuple[Interaction, ...]) -> tuple[Interaction, ...]:
     """The interactions whose people are all seen; objects always are."""
     row_of = scene.human_table.row
-    return tuple(
-        link for link in links if all(id not in row_of or is_seen[row_of[id]] for id in (link.src, link.dst))
-    )
+    return tuple(link for link in links if all(id not in row_of or is_seen[row_of[id]] for id in (link.src, link.dst)))
 
 
 def _without_intentions(scene: Scene, visible: frozenset[int], links: tuple[Interaction, ...]) -> Scene:

@@ -85,7 +85,9 @@ class Line:
         found = {}
         for seeds, row in self.rows.items():
             if row is not hidden and not is_hidden(row, seeds):
-                (p, n), (q, m) = ((each["all"]["strict"]["value"], each["all"]["strict"]["n"]) for each in (row, hidden))
+                (p, n), (q, m) = (
+                    (each["all"]["strict"]["value"], each["all"]["strict"]["n"]) for each in (row, hidden)
+                )
                 spread = math.sqrt(p * (1.0 - p) / n + q * (1.0 - q) / m)
                 found[seeds] = (p - q, p - q > _Z * spread)
         return found
@@ -150,7 +152,13 @@ class Table:
         for name in _COLUMNS:
             groups.setdefault(SCORES[name].group, []).append(name)
         return environment.get_template("page.html").render(
-            suite=self.suite, lines=self.lines, tracks=TRACKS, groups=groups, scores=SCORES, front=FRONT, best=self.best()
+            suite=self.suite,
+            lines=self.lines,
+            tracks=TRACKS,
+            groups=groups,
+            scores=SCORES,
+            front=FRONT,
+            best=self.best(),
         )
 
     def best(self) -> dict[tuple[str, str], float]:
@@ -216,7 +224,7 @@ def table_of(folders: Sequence[str | Path]) -> Table:
     if len(suites) > 1:
         raise BenchmarkError(f"a table has rows of one suite, got {', '.join(sorted(suites))}")
     lines = [Line(controller, track, rows) for (track, controller, *_), rows in found.items()]
-    tracks = list(TRACKS)
+    tracks: list[str] = list(TRACKS)
     lines = [Line(line.controller, line.track, line.rows, not any(_beats(o, line) for o in lines)) for line in lines]
     lines.sort(key=lambda line: (tracks.index(line.track), not line.is_on_front, -line.strict))
     return Table(load_suite(suites.pop()), tuple(lines))
