@@ -5,6 +5,7 @@ python benchmarks/make_suite.py OUT.json
 
 from __future__ import annotations
 
+import hashlib
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,6 +15,7 @@ import numpy as np
 import orjson
 
 import sonata2d as s2
+from sonata2d.benchmark.recorded import Recording
 from sonata2d.benchmark.suite import Entry, Sensing, difficulty_of, joint_sha256, merged, scene_sha256
 from sonata2d.metrics.definition import DEFINITIONS_VERSION
 from sonata2d.metrics.situations import SITUATIONS
@@ -43,47 +45,89 @@ SHIFTS: dict[str, tuple[dict[str, Any], Sensing | None]] = {
 }
 
 
-def main(out: Path) -> None:
+RECORDED_QUESTIONS = {
+    "replayed": "does the robot find its way among recorded people, who do not give way to it?",
+    "simulated": "does it do as well where the same people are simulated from their recorded start to their goal?",
+}
+RECORDINGS = {
+    "hotel": ("ETH/seq_hotel/obsmat.txt", "OpenTraj, datasets/ETH/seq_hotel (Pellegrini et al., ICCV 2009)"),
+    "zara02": (
+        "UCY/zara02/obsmat.txt",
+        "OpenTraj, datasets/UCY/zara02 (Lerner et al., CGF 26, 2007)",
+    ),
+}
+WINDOW, RECORDED = 40.0, 50  # s, and scenes of an entry
+
+
+def main(out: Path, recordings: Path | None) -> None:
+    """Write a suite."""
     defaults = _without_guard(s2.ScenarioConfig()).settings()
-    difficulties: dict[str, list[float]] = {part: [] for part in QUESTIONS}
-    rows = []
-    for part, name, config, scenes, sensing, situation in _all():
-        entry = Entry(part, name, config, scenes, sensing, situation)
-        hashes = []
-        for episode in range(scenes):
-            scene = entry.scene(TEST_SEED, episode)
-            hashes.append(scene_sha256(scene))
-            if (value := difficulty_of(scene)) is not None:
-                difficulties[part].append(value)
-        row: dict[str, Any] = {"part": part, "name": name, "scenes": scenes, "scenes_sha256": joint_sha256(hashes)}
-        if sensing is not None:
-            row["sensing"] = {key: getattr(sensing, key) for key in Sensing.__dataclass_fields__}
-        if situation is not None:
-            row["situation"] = situation
-        settings = config.settings()
-        row["settings"] = changes(defaults, settings)
-        again = merged(defaults, row["settings"])
-        assert all(orjson.dumps(again[key]) == orjson.dumps(value) for key, value in settings.items()), name
-        rows.append(row)
-        print(name, scenes, f"{np.mean(difficulties[part]) if difficulties[part] else 0:.1f} s")
+    rows, thirds = _rows(_all() if recordings is None else _recorded(recordings), defaults)
+    copies = {
+        name: {"file": file, "sha256": hashlib.sha256((recordings / file).read_bytes()).hexdigest(), "source": source}
+        for name, (file, source) in (RECORDINGS.items() if recordings is not None else ())
+    }
     document = {
         "suite": out.stem,
         "physics": PHYSICS_VERSION,
         "metrics": DEFINITIONS_VERSION,
         "ends": "2028-12-31",
         "test_seed": TEST_SEED,
-        "questions": QUESTIONS,
-        "thirds": {
-            part: [round(float(np.quantile(values, q)), 1) for q in (1 / 3, 2 / 3)]
-            for part, values in difficulties.items()
-        },
+        "questions": QUESTIONS if recordings is None else RECORDED_QUESTIONS,
+        "thirds": thirds,
+        **({"recordings": copies} if copies else {}),
         "defaults": defaults,
         "entries": rows,
     }
     out.write_bytes(orjson.dumps(document, option=orjson.OPT_INDENT_2) + b"\n")
 
 
-def _all() -> list[tuple[str, str, s2.ScenarioConfig, int, Sensing | None, str | None]]:
+def _rows(entries: list[Entry], defaults: dict[str, Any]) -> tuple[list[dict[str, Any]], dict[str, list[float]]]:
+    """The entries as files hold them, and the thirds of difficulty of each part."""
+    difficulties: dict[str, list[float]] = {entry.part: [] for entry in entries}
+    rows = []
+    for entry in entries:
+        hashes = []
+        for episode in range(entry.scenes):
+            scene = entry.scene(TEST_SEED, episode)
+            hashes.append(scene_sha256(scene))
+            if (value := difficulty_of(scene)) is not None:
+                difficulties[entry.part].append(value)
+        row: dict[str, Any] = {"part": entry.part, "name": entry.name, "scenes": entry.scenes}
+        row["scenes_sha256"] = joint_sha256(hashes)
+        if entry.sensing is not None:
+            row["sensing"] = {key: getattr(entry.sensing, key) for key in Sensing.__dataclass_fields__}
+        if entry.situation is not None:
+            row["situation"] = entry.situation
+        if (source := entry.recording) is not None:
+            row["recording"] = {
+                "name": entry.name.split("-")[0], "people": source.people, "seconds": source.seconds
+            }  # fmt: skip
+        settings = entry.config.settings()
+        row["settings"] = changes(defaults, settings)
+        again = merged(defaults, row["settings"])
+        assert all(orjson.dumps(again[key]) == orjson.dumps(value) for key, value in settings.items()), entry.name
+        rows.append(row)
+        print(entry.name, entry.scenes)
+    thirds = {
+        part: [round(float(np.quantile(values, q)), 1) for q in (1 / 3, 2 / 3)] for part, values in difficulties.items()
+    }
+    return rows, thirds
+
+
+def _recorded(folder: Path) -> list[Entry]:
+    """The entries of the suite of recordings: a robot as fast as people."""
+    limits = {"ahead": 2.0, "sideways": 1.0, "acceleration": 2.5}
+    config = _without_guard(_changed(s2.ScenarioConfig(), {"robot": {"limits": limits}}))
+    return [
+        Entry(people, f"{name}-{people}", config, RECORDED, recording=Recording(folder / file, people, WINDOW))
+        for people in RECORDED_QUESTIONS
+        for name, (file, _) in RECORDINGS.items()
+    ]
+
+
+def _all() -> list[Entry]:
+    """The entries of s2b-1."""
     found: list[Any] = [
         ("encounters", name, s2.load_scenario(name), ENCOUNTERS, None, name) for name in sorted(SITUATIONS)
     ]
@@ -101,7 +145,7 @@ def _all() -> list[tuple[str, str, s2.ScenarioConfig, int, Sensing | None, str |
         found.append(("shift", name, _changed(base, settings), SHIFT, sensing, None))
     for name in ("clinic_corridor", "home", "office"):
         found.append(("maps", name, s2.load_scenario(str(EXAMPLES / f"{name}.yaml")), 60, None, None))
-    return [(part, name, _without_guard(config), *rest) for part, name, config, *rest in found]
+    return [Entry(part, name, _without_guard(config), *rest) for part, name, config, *rest in found]
 
 
 def _without_guard(config: s2.ScenarioConfig) -> s2.ScenarioConfig:
@@ -132,4 +176,4 @@ def changes(defaults: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[st
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), Path(sys.argv[2]) if len(sys.argv) > 2 else None)

@@ -22,6 +22,9 @@ _SEEDS = (
     click.option("--seed", type=click.IntRange(1), default=1, help="Seed of the dev scenes."),
     click.option("--secret", type=PATH, metavar="FILE", help="Secret of the hidden seeds."),
 )
+_RECORDINGS = click.option(
+    "--recordings", type=PATH, metavar="DIR", help="Folder with the recordings of a suite that needs some."
+)
 _TRIAL = (
     click.option(
         "--part", "parts", multiple=True, metavar="NAME", help="Only this part or entry, for a trial; may be repeated."
@@ -31,7 +34,7 @@ _TRIAL = (
 
 
 def _seeds_options(function: Any) -> Any:
-    for option in reversed((*_SEEDS, *_TRIAL)):
+    for option in reversed((*_SEEDS, _RECORDINGS, *_TRIAL)):
         function = option(function)
     return function
 
@@ -161,9 +164,10 @@ def baselines(folder: Path, only: tuple[str, ...], workers: WorkerOptions, secre
     help="Also run the controller of the row again. This runs its code: only for rows that you trust so far.",
 )
 @click.option("--secret", type=PATH, metavar="FILE", help="Secret of the hidden seeds.")
+@_RECORDINGS
 @workers_options
 @json_option
-def verify(row: Path, rerun: bool, secret: Path | None, workers: WorkerOptions) -> None:
+def verify(row: Path, rerun: bool, secret: Path | None, recordings: Path | None, workers: WorkerOptions) -> None:
     """Verify a row: replay the commands of all its episodes, and compute its scores again.
 
     Exit status 1: the row does not hold what it claims.
@@ -171,7 +175,9 @@ def verify(row: Path, rerun: bool, secret: Path | None, workers: WorkerOptions) 
     from sonata2d.benchmark.row import verify_row
 
     with workers.started() as pool:
-        found = verify_row(row, rerun=rerun, secret=_secret_in(secret), workers=pool, progress=progress)
+        found = verify_row(
+            row, rerun=rerun, secret=_secret_in(secret), recordings=recordings, workers=pool, progress=progress
+        )
     text = f"{row}: {found.scenes} scenes; {', '.join(found.badges) or 'not verified'}"
     show_result({"badges": found.badges, "problems": found.problems, "scenes": found.scenes}, text)
     if found.problems:

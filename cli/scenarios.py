@@ -97,6 +97,7 @@ def draw_scenario(scenario: str, output: Path, scenes: int, seed: int) -> None:
 @click.option("--seconds", type=click.FloatRange(0.1), default=60.0, help="Length of the time window, s.")
 @click.option("--robot", type=(float,) * 3, metavar="X Y THETA", help="Start pose, m and rad.  [default: random]")
 @click.option("--goal", type=(float,) * 2, metavar="X Y", help="Position of the goal, m.  [default: random]")
+@click.option("--robot-as", type=int, metavar="ID", help="Put the robot, with its goal, in the place of this person.")
 @click.option(
     "--speed", type=click.FloatRange(0.1, 5.0), help="Speed of people with short tracks, m/s.  [default: random]"
 )

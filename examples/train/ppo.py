@@ -11,6 +11,8 @@ al., arXiv 1707.06347 and 1506.02438). The folder gets `policy.npz` and the lear
 from __future__ import annotations
 
 import csv
+import json
+import shutil
 import time
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,7 @@ from typing import Any
 import click
 import numpy as np
 import torch
+from attention import OWN, TABLES, WIDTH, columns
 from torch import nn
 
 import sonata2d.gym as s2g
@@ -28,10 +31,16 @@ LIMIT = 10.0  # of the normalised observations
 
 
 class Normaliser:
-    """Mean and variance of all observations so far."""
+    """Mean and variance of all observations so far.
 
-    def __init__(self, size: int) -> None:
+    Args:
+        size: number of columns.
+        kept: columns that stay as they are, such as masks.
+    """
+
+    def __init__(self, size: int, kept: list[int]) -> None:
         self.mean, self.variance, self.count = torch.zeros(size), torch.ones(size), 1e-4
+        self.kept = kept
 
     def update(self, batch: torch.Tensor) -> None:
         """Add observations, (B, D); Chan et al., The American Statistician 37 (1983) 242."""
@@ -40,6 +49,7 @@ class Normaliser:
         spread = delta.square() * (self.count * len(batch) / count)
         self.variance = (self.variance * self.count + batch.var(0, unbiased=False) * len(batch) + spread) / count
         self.mean, self.count = self.mean + delta * (len(batch) / count), count
+        self.mean[self.kept], self.variance[self.kept] = 0.0, 1.0
 
     def __call__(self, batch: torch.Tensor) -> torch.Tensor:
         return ((batch - self.mean) / (self.variance + 1e-8).sqrt()).clamp(-LIMIT, LIMIT)
@@ -55,23 +65,68 @@ def perceptron(inputs: int, outputs: int, scale: float) -> nn.Sequential:
     return network
 
 
+class Attention(nn.Module):
+    """The network of `attention.py`.
+
+    Args:
+        parts: offset and shape of each part of the observation.
+        outputs: of the network.
+        scale: of the first weights of the last layer.
+    """
+
+    def __init__(self, parts: dict[str, Any], outputs: int, scale: float) -> None:
+        super().__init__()
+        self.parts = parts
+        self.own = nn.Linear(sum(parts[name][1][0] for name in OWN), WIDTH)
+        for name in TABLES:
+            setattr(self, f"{name}_key", nn.Linear(parts[name][1][1], WIDTH))
+            setattr(self, f"{name}_value", nn.Linear(parts[name][1][1], WIDTH))
+        self.hidden, self.action = nn.Linear(2 * WIDTH, WIDTH), nn.Linear(WIDTH, outputs)
+        with torch.no_grad():
+            self.action.weight.mul_(scale)
+
+    def part(self, flat: torch.Tensor, name: str) -> torch.Tensor:
+        offset, shape = self.parts[name]
+        return flat[:, offset : offset + int(np.prod(shape))].reshape(-1, *shape)
+
+    def forward(self, flat: torch.Tensor) -> torch.Tensor:
+        query = torch.tanh(self.own(torch.cat([self.part(flat, name) for name in OWN], 1)))
+        rows = [self.part(flat, name) for name in TABLES]
+        key = torch.cat([torch.tanh(getattr(self, f"{n}_key")(r)) for n, r in zip(TABLES, rows, strict=True)], 1)
+        value = torch.cat([torch.tanh(getattr(self, f"{n}_value")(r)) for n, r in zip(TABLES, rows, strict=True)], 1)
+        is_there = torch.cat([self.part(flat, f"{name}_mask") for name in TABLES], 1) > 0.5
+        score = (key @ query[:, :, None])[..., 0] / WIDTH**0.5
+        weight = torch.softmax(score.masked_fill(~is_there, -1e9), 1) * is_there
+        context = (weight[:, None] @ value)[:, 0]
+        output: torch.Tensor = self.action(torch.tanh(self.hidden(torch.cat((query, context), 1))))
+        return output
+
+
 class Learner:
     """PPO with a normal distribution of actions.
 
     Args:
         envs: with flat observations, in the autoreset mode `NEXT_STEP`.
         seed: of the scenes and of the actions.
+        network: `perceptron` or `attention`.
     """
 
-    def __init__(self, envs: s2g.SocialNavVectorEnv, seed: int) -> None:
+    def __init__(self, envs: s2g.SocialNavVectorEnv, seed: int, network: str) -> None:
         torch.manual_seed(seed)
         self.envs, count = envs, envs.num_envs
         size, actions = envs.single_observation_space.shape[0], envs.single_action_space.shape[0]
-        self.actor, self.critic = perceptron(size, actions, 0.01), perceptron(size, 1, 1.0)
+        parts = columns(s2g.SocialNavEnv(envs.config).observation_space)
+        self.actor: nn.Module = perceptron(size, actions, 0.01)
+        self.critic: nn.Module = perceptron(size, 1, 1.0)
+        if network == "attention":
+            self.actor, self.critic = Attention(parts, actions, 0.01), Attention(parts, 1, 1.0)
         self.spread = nn.Parameter(torch.full((actions,), -0.5))  # logarithm of the standard deviation
         parameters = [*self.actor.parameters(), *self.critic.parameters(), self.spread]
         self.optimiser = torch.optim.Adam(parameters, lr=LEARNING_RATE, eps=1e-5)
-        self.normalise = Normaliser(size)
+        masks = [part for name, part in parts.items() if name.endswith("_mask")]
+        self.normalise = Normaliser(
+            size, [offset + k for offset, (count_of_rows,) in masks for k in range(count_of_rows)]
+        )
         self.observation = torch.from_numpy(envs.reset(seed=seed * count)[0])
         self.is_over = torch.zeros(count, dtype=torch.bool)  # so that the next step only begins an episode
         self.goals, self.episodes = 0, 0
@@ -133,12 +188,15 @@ class Learner:
 @click.option("--threads", type=click.IntRange(min=1), default=2, show_default=True)
 @click.option("--steps", type=click.IntRange(min=1), default=10_000_000, show_default=True, help="Of all worlds.")
 @click.option("--seed", default=0, show_default=True)
+@click.option("--network", type=click.Choice(["perceptron", "attention"]), default="perceptron", show_default=True)
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder for the results.")
-def main(scenario: str, worlds: int, episodes: int, threads: int, steps: int, seed: int, out: Path) -> None:
+def main(
+    scenario: str, worlds: int, episodes: int, threads: int, steps: int, seed: int, network: str, out: Path
+) -> None:
     """Train a policy by PPO."""
     torch.set_num_threads(threads)
     envs = s2g.SocialNavVectorEnv(worlds, scenario, flat=True, episodes=episodes, threads=threads)
-    learner, rows, spent = Learner(envs, seed), list[Any](), [0.0, 0.0]
+    learner, rows, spent = Learner(envs, seed, network), list[Any](), [0.0, 0.0]
     rollouts = max(steps // (worlds * HORIZON), 1)
     for n in range(rollouts):
         learner.optimiser.param_groups[0]["lr"] = LEARNING_RATE * (1.0 - n / rollouts)
@@ -156,11 +214,20 @@ def main(scenario: str, worlds: int, episodes: int, threads: int, steps: int, se
             learner.goals = learner.episodes = 0
     out.mkdir(parents=True, exist_ok=True)
     normalisation = learner.normalise.mean.numpy(), (learner.normalise.variance + 1e-8).sqrt().numpy()
-    env = s2g.Flat(s2g.SocialNavEnv(scenario))
-    s2g.save_policy(out / "policy.npz", learner.actor, env, normalisation=normalisation, note=f"PPO, {steps} steps")
+    if network == "attention":
+        weights = {name: values.numpy() for name, values in learner.actor.state_dict().items()}
+        settings = json.dumps(envs.config.settings())
+        np.savez_compressed(
+            out / "attention.npz", mean=normalisation[0], deviation=normalisation[1], scenario=settings, **weights
+        )
+        policy = Path(shutil.copy(Path(__file__).with_name("attention.py"), out))
+    else:
+        policy = out / "policy.npz"
+        env = s2g.Flat(s2g.SocialNavEnv(scenario))
+        s2g.save_policy(policy, learner.actor, env, normalisation=normalisation, note=f"PPO, {steps} steps")
     with (out / "curve.csv").open("w", newline="") as file:
         csv.writer(file).writerows([("step", "goal_share"), *rows])
-    click.echo(out / "policy.npz")
+    click.echo(policy)
 
 
 if __name__ == "__main__":

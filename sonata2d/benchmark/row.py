@@ -36,7 +36,7 @@ from ..record.layout import software_versions
 from ..registry import CONTROLLERS
 from ..version import __version__
 from .isolated import files_of
-from .run import Past, Run, Runner, Task, tasks_of
+from .run import RECORDED_PERSON, Past, Run, Runner, Task, tasks_of
 from .scoring import require_scorers, summary, third_of
 from .suite import TRACKS, Suite, Track, commitment, joint_sha256, load_suite
 
@@ -134,6 +134,7 @@ def run_benchmark(
     parts: Sequence[str] = (),
     scenes: int | None = None,
     scorers: Sequence[str] = (),
+    recordings: str | Path | None = None,
     workers: int | Executor | Workers = 1,
     progress: bool | ProgressBar | None = None,
 ) -> Path:
@@ -152,6 +153,7 @@ def run_benchmark(
         parts: names of parts or entries, for trials; empty: all.
         scenes: largest number of scenes of each entry, for trials; None: all.
         scorers: names of learned scores, whose columns are advisory.
+        recordings: folder with the recordings of a suite that needs some.
         workers: number of processes; or an executor, or workers that several calls share, see `sonata2d.Workers`.
         progress: as of `sonata2d.evaluate`.
 
@@ -166,7 +168,8 @@ def run_benchmark(
         WorkerError: a worker crashed or was killed.
     """
     end_if_unguarded()
-    chosen, source = load_suite(suite), ControllerSource(controller)
+    place_of = None if recordings is None else str(Path(recordings).absolute())
+    chosen, source = load_suite(suite, place_of), ControllerSource(controller)
     chosen.require_versions()
     if track not in TRACKS:
         raise BenchmarkError(f"there is no track {shown(track)}; tracks are {', '.join(TRACKS)}")
@@ -191,10 +194,11 @@ def run_benchmark(
     for path in files:
         (folder / FILES).mkdir(exist_ok=True)
         shutil.copyfile(path, folder / FILES / path.name)
-    runner = Runner(suite, load_suite(suite).seed_of(seeds, secret, seed), plan.controller, track, source, plan.scorers)
+    drawn = chosen.seed_of(seeds, secret, seed)
+    runner = Runner(suite, drawn, plan.controller, track, source, plan.scorers, place_of)
     start = time.time()
     runs = _runs(runner, tasks_of(chosen.entries), workers, bar_of(progress), place)
-    _check_scenes(chosen, runs, plan)
+    _check_scenes(chosen, load_suite(suite, place_of), runs, plan)
     row = row_of(chosen, plan, runs)
     _write(folder, row, runs, {"seconds": round(time.time() - start, 1), "software": software_versions()})
     shutil.rmtree(place)
@@ -206,6 +210,7 @@ def verify_row(
     *,
     rerun: bool = False,
     secret: bytes | None = None,
+    recordings: str | Path | None = None,
     workers: int | Executor | Workers = 1,
     progress: bool | ProgressBar | None = None,
 ) -> Verification:
@@ -215,7 +220,7 @@ def verify_row(
         folder: of the row.
         rerun: whether to run the controller, whose code is in the row; only for rows that you trust that far.
         secret: of hidden seeds.
-        workers, progress: as of `run_benchmark`.
+        recordings, workers, progress: as of `run_benchmark`.
 
     Raises:
         BenchmarkError: the folder holds no row, or a row of another suite, physics or version.
@@ -224,7 +229,8 @@ def verify_row(
     place = Path(folder)
     row, stored, pasts = _read(place)
     plan = Plan.from_json(row.get("plan"))
-    whole = load_suite(plan.suite)
+    place_of = None if recordings is None else str(Path(recordings).absolute())
+    whole = load_suite(plan.suite, place_of)
     whole.require_versions()
     if plan.suite_sha256 != whole.sha256:
         raise BenchmarkError(f"the row is of another version of {plan.suite} than this package")
@@ -234,7 +240,7 @@ def verify_row(
         raise BenchmarkError(f"the row has {counted(len(pasts), 'episode')}, and its suite {chosen.count}")
     problems = _file_problems(place, plan)
     bar = bar_of(progress)
-    replayer = Runner(plan.suite, seed, plan.controller, plan.track, None, plan.scorers)
+    replayer = Runner(plan.suite, seed, plan.controller, plan.track, None, plan.scorers, place_of)
     with shared_workers(workers) as pool:
         runs = _runs(replayer, tasks_of(chosen.entries, pasts), pool, bar, None)
         # whether an answer was late cannot be replayed; only a new run shows it
@@ -246,7 +252,7 @@ def verify_row(
         badges: list[Badge] = [] if problems else ["replayed"]
         if badges and rerun:
             source = ControllerSource(_name_in(place, plan))
-            again = Runner(plan.suite, seed, plan.controller, plan.track, source, plan.scorers)
+            again = Runner(plan.suite, seed, plan.controller, plan.track, source, plan.scorers, place_of)
             reruns = _runs(again, tasks_of(chosen.entries), pool, bar, None)
             problems += _rerun_problems(chosen, plan, runs, reruns)
             if not problems:
@@ -293,7 +299,7 @@ def _name_in(folder: Path, plan: Plan) -> str:
         file = part if part in plan.files else part.rpartition(":")[0]
         if file in plan.files:
             parts.append(str(folder / FILES / part))
-        elif part in CONTROLLERS:
+        elif part in CONTROLLERS or part == RECORDED_PERSON or part.startswith("sonata2d."):
             parts.append(part)
         else:
             raise BenchmarkError(f"the row does not contain the controller {part!r}; it can be replayed, not run")
@@ -375,7 +381,7 @@ def _kept(place: Path, k: int) -> list[Run] | None:
     return [Run(**row) for row in made]
 
 
-def _check_scenes(suite: Suite, runs: Sequence[Run], plan: Plan) -> None:
+def _check_scenes(suite: Suite, whole: Suite, runs: Sequence[Run], plan: Plan) -> None:
     """Require the scenes of the suite; those of the test seed are known.
 
     Raises:
@@ -383,7 +389,6 @@ def _check_scenes(suite: Suite, runs: Sequence[Run], plan: Plan) -> None:
     """
     if plan.seeds != "test":
         return
-    whole = load_suite(plan.suite)
     for entry in suite.entries:
         hashes = [run.scene for run in runs if run.entry == entry.name]
         is_whole = len(hashes) == whole.entry(entry.name).scenes

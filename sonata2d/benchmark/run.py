@@ -10,19 +10,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..agents.controllers.base import External
+from ..agents.controllers.base import Controller, External
 from ..agents.controllers.loading import ControllerSource
 from ..core.geometry import Twist
 from ..core.portable_math import IntArray
 from ..core.snapshot import ControllerInfo
 from ..datasets.workers.tasks import stop_if_over
+from ..errors import BenchmarkError
 from ..record.recorder import EpisodeRecorder
 from ..sim.episode import Episode
 from ..sim.inputs import TickInput
 from .isolated import FAILED, Isolated
+from .recorded import RecordedPerson
 from .scoring import values_of
 from .suite import Entry, Track, difficulty_of, load_suite, scene_sha256
 
+RECORDED_PERSON = "recorded-person"  # name of the baseline that needs no process of its own: it is no controller
 _TOGETHER = 10  # scenes in a task of a worker
 _UNITS = 10_000  # of commands in a row: 1e-4 m/s and rad/s, the precision of files
 
@@ -98,6 +101,7 @@ class Runner:
         track: what the controller observes.
         source: of the controller; None: commands are replayed.
         scorers: names of learned scores.
+        recordings: folder with the recordings of the suite.
     """
 
     suite: str
@@ -106,6 +110,7 @@ class Runner:
     track: Track
     source: ControllerSource | None
     scorers: tuple[str, ...] = ()
+    recordings: str | None = None
     _driver: Isolated | None = None
 
     def __call__(self, task: Task) -> list[Run]:
@@ -114,7 +119,7 @@ class Runner:
         Raises:
             BenchmarkError: the controller breaks a rule.
         """
-        entry = load_suite(self.suite).entry(task.entry)
+        entry = load_suite(self.suite, self.recordings).entry(task.entry)
         runs = []
         for k in range(task.scenes):
             stop_if_over()
@@ -129,17 +134,16 @@ class Runner:
             self._driver = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Runner, (self.suite, self.seed, self.name, self.track, self.source, self.scorers)
+        return Runner, (self.suite, self.seed, self.name, self.track, self.source, self.scorers, self.recordings)
 
     def _run(self, entry: Entry, number: int, past: Past | None) -> Run:
         scene, recorder, info = entry.scene(self.seed, number), EpisodeRecorder(), ControllerInfo(self.name)
         late: tuple[int, ...] = ()
         if past is None:
-            driver = self._controller()
-            driver.sensing = entry.sensing
+            driver = self._driver_in(entry, number)
             episode = Episode(scene, driver, observers=[recorder], controller_info=info)
             outcome = episode.run()
-            late = tuple(driver.late)
+            late = tuple(driver.late) if isinstance(driver, Isolated) else ()
         else:
             commands = commands_of(past.commands)
             inputs = [TickInput(Twist(*command)) for command in (commands / _UNITS).tolist()]
@@ -163,10 +167,20 @@ class Runner:
             commands=np.rint(commands * _UNITS).astype("<i4").tobytes(),
         )
 
-    def _controller(self) -> Isolated:
+    def _driver_in(self, entry: Entry, number: int) -> Controller:
+        """The controller in its process, or the recorded person whose place the robot takes.
+
+        Raises:
+            BenchmarkError: nobody was recorded in this suite.
+        """
+        if self.name == RECORDED_PERSON:
+            if entry.recording is None:
+                raise BenchmarkError(f"nobody was recorded in {self.suite}; {self.name} drives in suites of recordings")
+            return RecordedPerson(entry.recording.scenario(self.seed, number)[1])
         if self._driver is None:
             assert self.source is not None
             self._driver = Isolated(self.source, self.track)
+        self._driver.sensing = entry.sensing
         return self._driver
 
 

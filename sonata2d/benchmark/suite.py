@@ -24,6 +24,7 @@ from ..registry import did_you_mean
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..version import PHYSICS_VERSION
+from .recorded import Recording, checked_copy
 from .shown import Sensing
 
 SUITES = Path(__file__).with_name("suites")
@@ -46,10 +47,11 @@ class Entry:
     Attributes:
         part: name of the part of the suite.
         name: of the entry, unique in the suite.
-        config: the scenario, whose guard is off.
+        config: the scenario, whose guard is off; with a recording, settings that replace the settings of its scenarios.
         scenes: number of scenes; scene k is episode k of the scenario.
         sensing: what the track `state` gets in these scenes; None: everything, exact.
-        situation: that the scenes are to show, see `sonata2d.metrics.SITUATIONS`; None: none.
+        situation: that the scenes are to show, see `sonata2d.metrics.situations.SITUATIONS`; None: none.
+        recording: from which the scenario of each scene is made; None: all have the same.
     """
 
     part: str
@@ -58,6 +60,7 @@ class Entry:
     scenes: int
     sensing: Sensing | None = None
     situation: str | None = None
+    recording: Recording | None = None
 
     def scene(self, seed: int, episode: int) -> Scene:
         """A scene, with its time limit: 5 s and 2.5 times the predicted time of the expert, at least 15 s.
@@ -65,7 +68,12 @@ class Entry:
         A scene whose difficulty is not defined, since its goal moves or no path leads to it, has the limit of its
         scenario.
         """
-        scene = generate(self.config, seed, episode)
+        config = self.config
+        if self.recording is not None:
+            config, _ = self.recording.scenario(seed, episode)
+            limits, rules = self.config.robot.limits, self.config.rules
+            config = config.changed(robot={"limits": limits}, rules={"guard": rules.guard})
+        scene = generate(config, seed, episode)
         value = difficulty_of(scene)
         if value is None:
             return scene
@@ -225,17 +233,25 @@ def suite_names() -> list[str]:
 
 
 @cache
-def load_suite(name: str = "s2b-1") -> Suite:
+def load_suite(name: str = "s2b-1", recordings: str | Path | None = None) -> Suite:
     """Load a suite of this package.
 
+    Args:
+        name: of the suite.
+        recordings: folder with the recordings that a suite needs; None: its scenes cannot be made.
+
     Raises:
-        BenchmarkError: there is no such suite.
+        BenchmarkError: there is no such suite, or a recording is missing or another file.
     """
     if name not in suite_names():
         hint = did_you_mean(name, suite_names()) or f"; suites are {', '.join(suite_names())}"
         raise BenchmarkError(f"there is no suite {name!r}{hint}")
     content = (SUITES / f"{name}.json").read_bytes()
     document = orjson.loads(content)
+    copies: dict[str, Path] = {}
+    if recordings is not None:
+        folder, files = Path(recordings).absolute(), document.get("recordings", {})
+        copies = {name: checked_copy(folder, **each) for name, each in files.items()}
     entries = tuple(
         Entry(
             part=entry["part"],
@@ -244,6 +260,7 @@ def load_suite(name: str = "s2b-1") -> Suite:
             scenes=entry["scenes"],
             sensing=Sensing(**entry["sensing"]) if entry.get("sensing") else None,
             situation=entry.get("situation"),
+            recording=_recording(entry.get("recording"), copies),
         )
         for entry in document["entries"]
     )
@@ -259,6 +276,10 @@ def load_suite(name: str = "s2b-1") -> Suite:
         scenes_sha256={entry["name"]: entry["scenes_sha256"] for entry in document["entries"]},
         entries=entries,
     )
+
+
+def _recording(row: Mapping[str, Any] | None, copies: Mapping[str, Path]) -> Recording | None:
+    return None if row is None else Recording(copies.get(row["name"]), row["people"], row["seconds"])
 
 
 def merged(defaults: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

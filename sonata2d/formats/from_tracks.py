@@ -59,6 +59,7 @@ def scenario_from_tracks(
     walls: str | Path | None = None,
     robot: tuple[float, float, float] | None = None,
     goal: Point | None = None,
+    robot_as: int | None = None,
     frame_time: float | None = None,
     speed: float | None = None,
     frame_rate: float | None = None,
@@ -83,6 +84,8 @@ def scenario_from_tracks(
         robot: start pose x, y, theta, m and rad; by default that of the recorded robot, else drawn for each
             episode within 1 m of a track.
         goal: x, y of the robot's goal, m; by default where the recorded robot is last, or drawn like the start.
+        robot_as: id of a person whose place the robot takes: it starts where the person is first in the time window,
+            its goal is where the person is last, and the person is left out.
         frame_time: duration of one frame number, s, for files that do not give it.
         speed: desired speed of pedestrians whose tracks are too short to show it, m/s; by default drawn. NAME.json
             beside NAME.csv overrides the desired speed of all pedestrians.
@@ -96,8 +99,8 @@ def scenario_from_tracks(
 
     Raises:
         RecordError: a file is damaged, does not show units, times or columns, or holds tracks that no people can walk.
-        ConfigError: no pedestrian is present in the time window, an id of `replay` is not, or the robot's start or goal
-            is more than 10 m from all tracks and walls.
+        ConfigError: no pedestrian is present in the time window, an id of `replay` or `robot_as` is not, or the robot's
+            start or goal is more than 10 m from all tracks and walls.
         SceneError: the robot would start on a pedestrian, or no path leads from its start to its goal.
 
     Warns:
@@ -127,6 +130,7 @@ def scenario_from_tracks(
         seconds=seconds,
         robot=robot,
         goal=goal,
+        robot_as=robot_as,
         speed=speed,
     )
     for doubt in summary.doubts:
@@ -144,13 +148,16 @@ def scenario_and_summary(
     seconds: float,
     robot: tuple[float, float, float] | None,
     goal: Point | None,
+    robot_as: int | None = None,
     speed: float | None,
 ) -> tuple[ScenarioConfig, TrackSummary]:
     """Make the scenario of a recording, and a summary of its tracks; see `scenario_from_tracks`."""
     tracks, summary = read_tracks(path, options)
     begin = round(start / tracks.interval) * tracks.interval
     parts = _in_window(tracks.people, begin, begin + seconds, path)
-    _check_replay_ids(set(replay), [part.id for part, _ in parts], path)
+    _check_ids({*replay, *(() if robot_as is None else (robot_as,))}, [part.id for part, _ in parts], path)
+    replaced = next((part for part, _ in parts if part.id == robot_as), None)
+    parts = [(part, whole) for part, whole in parts if part is not replaced]
     # the ways of people who meet a robot tell how they avoid it
     is_estimated = tracks.robot is None and (replay or people == "simulated")
     habits = habits_of([part for part, _ in parts], tracks.walls) if is_estimated else NONE
@@ -165,7 +172,7 @@ def scenario_and_summary(
         rows = [row | common if row.keys() & {"goals", "track"} else row for row in rows]
     walls = tracks.walls
     rows = _separate_bodies([_without_single_group(row, rows) for row in rows], walls)
-    recorded = tracks.robot and _within(tracks.robot, begin, begin + seconds)
+    recorded = replaced or (tracks.robot and _within(tracks.robot, begin, begin + seconds))
     if recorded:
         robot, goal = robot or _start_of(recorded), goal or _point(recorded.position[-1])
     mode = "mixed" if replay else people
@@ -214,8 +221,8 @@ def _in_window(tracks: Sequence[Track], start: float, end: float, path: Path) ->
     return parts
 
 
-def _check_replay_ids(replay: set[int], ids: list[int], path: Path) -> None:
-    for id in sorted(replay - set(ids)):
+def _check_ids(wanted: set[int], ids: list[int], path: Path) -> None:
+    for id in sorted(wanted - set(ids)):
         shown = ", ".join(map(str, ids[:12])) + (", …" if len(ids) > 12 else "")
         raise ConfigError(f"{path}: no pedestrian in the time window has the id {id}; the ids are {shown}")
 

@@ -18,7 +18,10 @@ from sonata2d.benchmark.suite import (
 from sonata2d.errors import BenchmarkError
 from sonata2d.metrics.situations import SITUATIONS
 
-FROZEN = {"s2b-1": "5a3b5728f411eb566faa008c25e76ef0b998e7157f990d1af094e9b78302dbfc"}
+FROZEN = {
+    "s2b-1": "5a3b5728f411eb566faa008c25e76ef0b998e7157f990d1af094e9b78302dbfc",
+    "s2b-1-recorded": "16cb5617108f78398120486785ab685a6bbd6520d7b26c5b987477648d2b303a",
+}
 
 
 @pytest.mark.parametrize("name", FROZEN)
