@@ -22,6 +22,7 @@ from ..formats.tracks.observations import Track, Tracks
 from ..formats.tracks.reading import read_tracks
 from ..scenegen.scenario.config import ScenarioConfig
 
+_CATCHING_UP = 1.0  # 1/s, of the distance from the person's place: a robot starts from rest
 _ATTEMPTS = 100
 _LEAST_WAY, _LEAST_TIME = 4.0, 4.0  # m and s, of the person whose place the robot takes
 
@@ -107,8 +108,10 @@ class RecordedPerson(Controller):
         self._time, self._position = track.time - track.time[0], track.position
 
     def act(self, snapshot: Snapshot) -> Answer:
-        (x, y), robot = self._at(snapshot.time + snapshot.dt), snapshot.robot
-        dx, dy = (x - robot.position[0]) / snapshot.dt, (y - robot.position[1]) / snapshot.dt
+        robot, dt = snapshot.robot, snapshot.dt
+        (x, y), (next_x, next_y) = self._at(snapshot.time), self._at(snapshot.time + dt)
+        dx = (next_x - x) / dt + _CATCHING_UP * (x - robot.position[0])
+        dy = (next_y - y) / dt + _CATCHING_UP * (y - robot.position[1])
         c, s = robot.direction
         turn = canonical_angle(math.atan2(dy, dx) - robot.pose.theta) if math.hypot(dx, dy) > 0.1 else 0.0
         return Twist(dx * c + dy * s, dy * c - dx * s, turn)
