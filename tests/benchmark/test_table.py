@@ -9,9 +9,11 @@ from typing import Any
 import orjson
 import pytest
 
-from sonata2d.benchmark import table_of
+from sonata2d.benchmark import run_benchmark, table_of
 from sonata2d.benchmark.row import ROW
 from sonata2d.errors import BenchmarkError
+
+from . import memorised
 
 
 def _copy(row: Path, folder: Path, name: str, *, seeds: str = "test", **scores: float) -> Path:
@@ -82,3 +84,18 @@ def test_rows_that_do_not_go_together_are_refused(row: Path, tmp_path: Path) -> 
         table_of([])
     with pytest.raises(BenchmarkError, match="is no row, or one that is not finished"):
         table_of([tmp_path])
+
+
+def test_a_policy_that_remembers_the_test_scenes_is_flagged(tmp_path: Path) -> None:
+    scenes: dict[str, Any] = {"parts": ["crossing-a-group"], "scenes": 12}
+    run_benchmark("social-planner", tmp_path / "expert", **scenes)
+    shutil.copy(memorised.__file__, tmp_path)
+    memorised.memory_of(tmp_path / "expert", tmp_path / "memory.npz")
+    name = f"{tmp_path / 'memorised.py'}:Memorised"
+    run_benchmark(name, tmp_path / "test", **scenes)
+    run_benchmark(name, tmp_path / "hidden", seeds="hidden", secret=b"s" * 32, **scenes)
+    (line,) = table_of([tmp_path / "test", tmp_path / "hidden"]).lines
+    assert line.strict >= 0.9
+    gap, is_flagged = line.gaps["test"]
+    assert gap > 0.5
+    assert is_flagged
