@@ -27,7 +27,7 @@ def by_part(table: Table) -> str:
     for line in table.lines:
         thirds = [third["value"] for third in line.scores["strict_by_thirds"]]
         values = [*(line.value("strict", name) for name in names), *thirds]
-        head.append(f"| {line.controller} | {line.track} | {' | '.join(map(shown_number, values))} |")
+        head.append(f"| {line.label} | {line.track} | {' | '.join(map(shown_number, values))} |")
     return "\n".join(head)
 
 

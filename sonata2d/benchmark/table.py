@@ -12,6 +12,7 @@ import orjson
 
 from ..errors import BenchmarkError
 from ..record.files import write_atomically
+from .baselines import BASELINES
 from .row import Plan, read_row
 from .scoring import SCORES
 from .suite import TRACKS, Suite, load_suite, quarters_of
@@ -43,6 +44,14 @@ class Line:
     track: str
     rows: Mapping[str, Any]
     is_on_front: bool = False
+
+    @property
+    def label(self) -> str:
+        """The name of the controller; of a baseline that is no stock controller, the name of the baseline."""
+        names = (
+            name for name, each in BASELINES.items() if each.controller == self.controller and ":" in each.controller
+        )
+        return next(names, self.controller)
 
     @property
     def seeds(self) -> str:
@@ -118,6 +127,7 @@ class Table:
             "lines": [
                 {
                     "controller": line.controller,
+                    "label": line.label,
                     "track": line.track,
                     "is_on_front": line.is_on_front,
                     "gaps": {seeds: {"gap": round(gap, 6), "flag": flag} for seeds, (gap, flag) in line.gaps.items()},
@@ -137,7 +147,7 @@ class Table:
             for line in (each for each in self.lines if each.track == track):
                 mark = "**" if line.is_on_front else ""
                 cells = [shown_number(line.value(name)) for name in names]
-                texts.append(f"| {mark}{line.controller}{mark}{_notes(line)} | " + " | ".join(cells) + " |")
+                texts.append(f"| {mark}{line.label}{mark}{_notes(line)} | " + " | ".join(cells) + " |")
             texts.append("")
         return "\n".join(texts)
 
