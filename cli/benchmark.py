@@ -1,4 +1,4 @@
-"""The commands `sonata2d benchmark list|run|baselines|verify|table|commit|reveal`."""
+"""The commands `sonata2d benchmark list|run|baselines|verify|table|rating|commit|reveal`."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def list_(suite: str) -> None:
     "scorers",
     multiple=True,
     metavar="NAME",
-    help="A learned score for an advisory column; may be repeated.",
+    help="A learned score, or a file of `benchmark rating`, for an advisory column; may be repeated.",
 )
 @workers_options
 @json_option
@@ -205,6 +205,26 @@ def table(rows: tuple[Path, ...], out: Path | None) -> None:
     click.echo(found.markdown().rstrip())
     if out is not None:
         echo(f"written to {out}")
+
+
+@command.command("rating", epilog=examples("benchmark rating rated -o rating.json"))
+@click.argument("folders", nargs=-1, required=True, type=PATH, metavar="DIR...")
+@click.option("out", "-o", "--output", type=PATH, required=True, metavar="FILE.json", help="File of the model.")
+@json_option
+def rating(folders: tuple[Path, ...], out: Path) -> None:
+    """Learn a model of people's ratings from rated episodes, for advisory columns (`run --scorer FILE.json`).
+
+    The rank correlation is of ratings with predictions for episodes that were left out.
+    """
+    from dataclasses import asdict
+
+    from sonata2d.benchmark.rating import fit_rating_model
+
+    require_new(out)
+    model = fit_rating_model(folders)
+    model.save(out)
+    people = f"{model.episodes} episodes, {model.raters} raters"
+    show_result(asdict(model), f"{out}: {people}, rank correlation {model.correlation:.2f}: {model.question}")
 
 
 @command.command("commit", epilog=examples("benchmark commit secret.txt"))

@@ -36,7 +36,7 @@ from sonata2d.agents.controllers.planner import Weights
 from sonata2d.agents.drives.built_in import Bicycle, Differential
 from sonata2d.agents.sensors.base import SensorNoise
 from sonata2d.agents.sensors.lidar import LidarReading
-from sonata2d.benchmark import Sensing
+from sonata2d.benchmark import RatingModel, Sensing
 from sonata2d.benchmark.shown import Perception
 from sonata2d.core.entities import Furniture, Goal, Human, Limits, Robot, Wall
 from sonata2d.core.floats import FloatFields
@@ -239,6 +239,10 @@ def split(n: Number) -> Any:
 
 # By name: calls with numbers in the places of floats.
 CASES: dict[str, Callable[[Number], Any]] = {
+    "sonata2d.benchmark.RatingModel": lambda n: (
+        RatingModel("?", 40, 2, n(1), ("psc", "stl"), (n(1), n(2)), (n(2), n(3)), (n(1), n(2)), n(1)),
+        RatingModel("?", 40, 2, 0.5, ("psc",), (n(1),), (n(2),), (n(1),), n(1))({"psc": 1.0}),
+    ),
     "sonata2d.benchmark.Sensing": lambda n: (
         Perception(scene(), Sensing(n(2), n(5), noise=n(1), velocity_noise=n(1)))
         .state(snapshot_of(scene()))[0]

@@ -1,5 +1,6 @@
 from .baselines import BASELINES as BASELINES, Baseline as Baseline
 from .isolated import LIDAR_SENSORS as LIDAR_SENSORS
+from .rating import RatingModel as RatingModel, fit_rating_model as fit_rating_model
 from .row import (
     Verification as Verification,
     read_row as read_row,

@@ -36,8 +36,10 @@ from ..record.layout import software_versions
 from ..registry import CONTROLLERS
 from ..version import __version__
 from .isolated import files_of
+from .rating import SUFFIX
 from .run import RECORDED_PERSON, Past, Run, Runner, Task, tasks_of
-from .scoring import require_scorers, summary, third_of
+from .scorers import checked_scorers
+from .scoring import summary, third_of
 from .suite import TRACKS, Suite, Track, commitment, joint_sha256, load_suite
 
 ROW, EPISODES, COMMANDS, RUN, CARD = "row.json", "episodes.json", "commands.npz", "run.json", "README.md"
@@ -64,7 +66,8 @@ class Plan:
         files: hashes of its files by name.
         parts: names of parts or entries; empty: the whole suite.
         scenes: largest number of scenes of each entry; None: all.
-        scorers: names of learned scores.
+        scorers: names of learned scores, and of the files of rating models.
+        models: hashes of these files by name.
     """
 
     suite: str
@@ -78,6 +81,7 @@ class Plan:
     parts: tuple[str, ...]
     scenes: int | None
     scorers: tuple[str, ...]
+    models: dict[str, str]
 
     @property
     def is_complete(self) -> bool:
@@ -98,7 +102,8 @@ class Plan:
         try:
             given = {key: values[key] for key in cls.__dataclass_fields__}
             given |= {key: tuple(map(str, given[key])) for key in ("parts", "scorers")}
-            given["files"] = {str(name): str(value) for name, value in given["files"].items()}
+            for key in ("files", "models"):
+                given[key] = {str(name): str(value) for name, value in given[key].items()}
             plan = cls(**given)
         except (KeyError, TypeError, AttributeError) as error:
             raise BenchmarkError(f"the row does not say how it was made: {error!r:.100}") from None
@@ -152,7 +157,7 @@ def run_benchmark(
         secret: of `hidden`.
         parts: names of parts or entries, for trials; empty: all.
         scenes: largest number of scenes of each entry, for trials; None: all.
-        scorers: names of learned scores, whose columns are advisory.
+        scorers: names of learned scores, or paths of rating models, whose columns are advisory.
         recordings: folder with the recordings of a suite that needs some.
         workers: number of processes; or an executor, or workers that several calls share, see `sonata2d.Workers`.
         progress: as of `sonata2d.evaluate`.
@@ -173,7 +178,7 @@ def run_benchmark(
     chosen.require_versions()
     if track not in TRACKS:
         raise BenchmarkError(f"there is no track {shown(track)}; tracks are {', '.join(TRACKS)}")
-    require_scorers(scorers)
+    models = checked_scorers(scorers)
     files = files_of(source.name) if isinstance(controller, str) else []
     plan = Plan(
         suite=suite,
@@ -186,16 +191,18 @@ def run_benchmark(
         files={path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files},
         parts=tuple(parts),
         scenes=scenes,
-        scorers=tuple(scorers),
+        scorers=tuple(Path(name).name if name.endswith(SUFFIX) else name for name in scorers),
+        models=models,
     )
     chosen = chosen.chosen(plan.parts, plan.scenes)
     folder = Path(out)
     place = _begun(folder, plan)
-    for path in files:
+    for path in (*files, *(Path(name) for name in scorers if name.endswith(SUFFIX))):
         (folder / FILES).mkdir(exist_ok=True)
         shutil.copyfile(path, folder / FILES / path.name)
+    own_scorers = _scorers_in(folder, plan)
     drawn = chosen.seed_of(seeds, secret, seed)
-    runner = Runner(suite, drawn, plan.controller, track, source, plan.scorers, place_of)
+    runner = Runner(suite, drawn, plan.controller, track, source, own_scorers, place_of)
     start = time.time()
     runs = _runs(runner, tasks_of(chosen.entries), workers, bar_of(progress), place)
     _check_scenes(chosen, load_suite(suite, place_of), runs, plan)
@@ -239,8 +246,11 @@ def verify_row(
     if len(pasts) != chosen.count:
         raise BenchmarkError(f"the row has {counted(len(pasts), 'episode')}, and its suite {chosen.count}")
     problems = _file_problems(place, plan)
+    if problems:
+        return Verification((), tuple(problems), 0)
+    own_scorers = _scorers_in(place, plan)
     bar = bar_of(progress)
-    replayer = Runner(plan.suite, seed, plan.controller, plan.track, None, plan.scorers, place_of)
+    replayer = Runner(plan.suite, seed, plan.controller, plan.track, None, own_scorers, place_of)
     with shared_workers(workers) as pool:
         runs = _runs(replayer, tasks_of(chosen.entries, pasts), pool, bar, None)
         # whether an answer was late cannot be replayed; only a new run shows it
@@ -252,7 +262,7 @@ def verify_row(
         badges: list[Badge] = [] if problems else ["replayed"]
         if badges and rerun:
             source = ControllerSource(_name_in(place, plan))
-            again = Runner(plan.suite, seed, plan.controller, plan.track, source, plan.scorers, place_of)
+            again = Runner(plan.suite, seed, plan.controller, plan.track, source, own_scorers, place_of)
             reruns = _runs(again, tasks_of(chosen.entries), pool, bar, None)
             problems += _rerun_problems(chosen, plan, runs, reruns)
             if not problems:
@@ -304,6 +314,12 @@ def _name_in(folder: Path, plan: Plan) -> str:
         else:
             raise BenchmarkError(f"the row does not contain the controller {part!r}; it can be replayed, not run")
     return "+".join(parts)
+
+
+def _scorers_in(folder: Path, plan: Plan) -> tuple[str, ...]:
+    """The learned scores of a row, with the files of rating models in the row."""
+    place = (folder / FILES).absolute()
+    return tuple(str(place / name) if name in plan.models else name for name in plan.scorers)
 
 
 def _begun(folder: Path, plan: Plan) -> Path:
@@ -497,7 +513,7 @@ def _seed_of(plan: Plan, suite: Suite, secret: bytes | None) -> int:
 
 def _file_problems(folder: Path, plan: Plan) -> list[str]:
     problems = []
-    for name, sha256 in plan.files.items():
+    for name, sha256 in (plan.files | plan.models).items():
         path = folder / FILES / Path(name).name
         if not path.is_file():
             problems.append(f"{FILES}/{name} is missing")

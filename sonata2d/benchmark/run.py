@@ -22,6 +22,7 @@ from ..sim.episode import Episode
 from ..sim.inputs import TickInput
 from .isolated import FAILED, Isolated
 from .recorded import RecordedPerson
+from .scorers import column_of, learned_score
 from .scoring import values_of
 from .suite import Entry, Track, difficulty_of, load_suite, scene_sha256
 
@@ -100,7 +101,7 @@ class Runner:
         name: of the controller, in the episodes.
         track: what the controller observes.
         source: of the controller; None: commands are replayed.
-        scorers: names of learned scores.
+        scorers: names of learned scores, or paths of rating models.
         recordings: folder with the recordings of the suite.
     """
 
@@ -153,6 +154,10 @@ class Runner:
                 episode.end("stopped", past.reason if past.status == "stopped" else "the commands end too early")
             assert episode.outcome is not None
             outcome = episode.outcome
+        record = recorder.record()
+        values = values_of(record, entry.situation)
+        for name in self.scorers:
+            values[column_of(name)] = learned_score(name, record, values)
         commands = np.array([(c.vx, c.vy, c.omega) for c in (tick.command for tick in episode.past)]).reshape(-1, 3)
         return Run(
             entry=entry.name,
@@ -163,7 +168,7 @@ class Runner:
             reason=outcome.reason if outcome.status == "stopped" else "",
             difficulty=difficulty_of(scene),
             late=late,
-            values=values_of(recorder.record(), entry.situation, self.scorers),
+            values=values,
             commands=np.rint(commands * _UNITS).astype("<i4").tobytes(),
         )
 

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
-from ..errors import ConfigError
 from ..metrics.catalogue import METRICS
 from ..metrics.disturbance import without_robot
 from ..metrics.situations import judge
 from ..metrics.summary import bootstrap_interval, wilson_interval
 from ..metrics.trajectory import Trajectory
 from ..record.record import EpisodeRecord
-from ..registry import SCORERS
 
 Group = Literal["task", "safety", "people"]
 Values = Mapping[str, float | None]
@@ -73,13 +71,12 @@ SCORES: dict[str, Score] = {
 }
 
 
-def values_of(record: EpisodeRecord, situation: str | None, scorers: Sequence[str] = ()) -> dict[str, float | None]:
+def values_of(record: EpisodeRecord, situation: str | None) -> dict[str, float | None]:
     """The values of a scene; None where one is not defined.
 
     Args:
         record: of the episode.
         situation: that the scene is to show.
-        scorers: names of learned scores.
     """
     record = record.until_arrival()
     trajectory = Trajectory(record, without_robot(record))
@@ -97,8 +94,6 @@ def values_of(record: EpisodeRecord, situation: str | None, scorers: Sequence[st
     values |= judged(values)
     if situation is not None:
         values["took_place"] = float(judge(situation, record).took_place)
-    for name in scorers:
-        values[name] = scorer_of(name)(record)
     return values
 
 
@@ -128,30 +123,6 @@ def _time_ratio(trajectory: Trajectory, has_arrived: bool) -> float | None:
 
 def _or(value: float | None, default: float) -> float:
     return default if value is None else value
-
-
-def scorer_of(name: str) -> Callable[[EpisodeRecord], float | None]:
-    """A learned score of an episode, by name, as an entry point of the group `sonata2d.scorers` gives it.
-
-    Raises:
-        ConfigError: the name is unknown, or the plug-in is no function.
-    """
-    scorer: Callable[[EpisodeRecord], float | None] = SCORERS.load(
-        name, lambda item: None if callable(item) else "is no function of an episode"
-    )
-    return scorer
-
-
-def require_scorers(names: Iterable[str]) -> None:
-    """Require that learned scores exist and do not have the name of another value.
-
-    Raises:
-        ConfigError: one does not.
-    """
-    for name in names:
-        scorer_of(name)
-        if name in {*SCORES, "strict", "took_place"}:
-            raise ConfigError(f"a learned score cannot have the name of a score, {name!r}; rename it")
 
 
 def third_of(difficulty: float | None, thirds: tuple[float, float]) -> int | None:

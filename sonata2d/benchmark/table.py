@@ -64,6 +64,11 @@ class Line:
         return self.rows[self.seeds]["all"]
 
     @property
+    def advisory(self) -> list[str]:
+        """Names of the advisory columns."""
+        return list(self.scores["advisory"])
+
+    @property
     def is_complete(self) -> bool:
         """Whether the row has all scenes of the suite."""
         return bool(self.rows[self.seeds]["complete"])

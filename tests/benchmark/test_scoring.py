@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from sonata2d.benchmark import BASELINES, SCORES, read_row, run_benchmark
-from sonata2d.benchmark.scoring import judged, require_scorers, scorer_of, summary, third_of
+from sonata2d.benchmark.scorers import checked_scorers
+from sonata2d.benchmark.scoring import judged, summary, third_of
 from sonata2d.errors import ConfigError
 from sonata2d.record.record import EpisodeRecord
 from sonata2d.registry import SCORERS
@@ -87,10 +88,10 @@ def test_learned_scores_are_advisory_columns(tmp_path: Path, monkeypatch: pytest
     assert 0.0 < scores["advisory"]["brevity"]["value"] < 1.0
     assert "brevity" not in scores["people"]
     with pytest.raises(ConfigError, match="no learned score is named 'brevty'; did you mean 'brevity'"):
-        scorer_of("brevty")
+        checked_scorers(["brevty"])
     monkeypatch.setitem(SCORERS.registered, "psc", _brevity)
-    with pytest.raises(ConfigError, match="cannot have the name of a score"):
-        require_scorers(["psc"])
+    with pytest.raises(ConfigError, match="two columns would have the name 'psc'"):
+        checked_scorers(["psc"])
 
 
 def _brevity(record: EpisodeRecord) -> float:

@@ -1,0 +1,71 @@
+"""Learned scores of episodes, whose columns are advisory: functions of plug-ins, and rating models in files."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+
+from ..errors import BenchmarkError, ConfigError
+from ..record.record import EpisodeRecord
+from ..registry import SCORERS
+from .rating import SUFFIX, RatingModel
+from .scoring import SCORES, Values
+
+_TAKEN = {*SCORES, "strict", "took_place"}
+
+
+def learned_score(name: str, record: EpisodeRecord, values: Values) -> float | None:
+    """A learned score of an episode.
+
+    Args:
+        name: of a registered scorer, or the path of a rating model.
+        record: the episode.
+        values: of the scene.
+
+    Raises:
+        ConfigError: the name is unknown, or the plug-in is no function.
+        BenchmarkError: the file is no rating model.
+    """
+    return _model(name)(values) if name.endswith(SUFFIX) else _function(name)(record)
+
+
+def column_of(name: str) -> str:
+    """The name of the column of a learned score: its own, or the name of the file without its ending."""
+    return Path(name).stem if name.endswith(SUFFIX) else name
+
+
+def checked_scorers(names: Sequence[str]) -> dict[str, str]:
+    """Check that learned scores exist; returns the hash of each file by its name.
+
+    Raises:
+        ConfigError: a name is unknown, or the column has the name of a score or of another learned score.
+        BenchmarkError: a file is missing, or no rating model.
+    """
+    files = {}
+    for name in names:
+        if name.endswith(SUFFIX):
+            if not Path(name).is_file():
+                raise BenchmarkError(f"there is no rating model {name}")
+            _model(name)
+            files[Path(name).name] = hashlib.sha256(Path(name).read_bytes()).hexdigest()
+        else:
+            _function(name)
+    columns = [column_of(name) for name in names]
+    for column in columns:
+        if column in _TAKEN or columns.count(column) > 1:
+            raise ConfigError(f"two columns would have the name {column!r}; rename the learned score")
+    return files
+
+
+@cache
+def _model(path: str) -> RatingModel:
+    return RatingModel.load(path)
+
+
+def _function(name: str) -> Callable[[EpisodeRecord], float | None]:
+    function: Callable[[EpisodeRecord], float | None] = SCORERS.load(
+        name, lambda item: None if callable(item) else "is no function of an episode"
+    )
+    return function
