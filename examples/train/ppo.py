@@ -20,10 +20,11 @@ from typing import Any
 import click
 import numpy as np
 import torch
-from attention import OWN, TABLES, WIDTH, columns
 from torch import nn
 
 import sonata2d.gym as s2g
+from sonata2d.benchmark import attention
+from sonata2d.benchmark.attention import OWN, TABLES, WIDTH, columns
 
 HORIZON, EPOCHS, MINIBATCHES = 32, 4, 8  # steps of a rollout; passes over it, and parts of a pass
 GAMMA, LAMBDA, CLIP, ENTROPY, LEARNING_RATE = 0.98, 0.95, 0.2, 0.001, 5e-4
@@ -220,7 +221,7 @@ def main(
         np.savez_compressed(
             out / "attention.npz", mean=normalisation[0], deviation=normalisation[1], scenario=settings, **weights
         )
-        policy = Path(shutil.copy(Path(__file__).with_name("attention.py"), out))
+        policy = Path(shutil.copy(attention.__file__, out))
     else:
         policy = out / "policy.npz"
         env = s2g.Flat(s2g.SocialNavEnv(scenario))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import glob
 import math
 import os
 import pickle
@@ -308,18 +309,20 @@ def _settings_of(sensor: Sensor | None) -> Any:
 def files_of(name: str) -> list[Path]:
     """The files that the name of a controller contains: a script, or a policy; of `driver+labeller`, of both.
 
+    Files beside a script that have its name and another ending, such as its weights, go with it.
+
     Raises:
         BenchmarkError: the name contains a file that does not exist.
     """
     files = []
     for part in name.split("+"):
-        for place in (part, part.rpartition(":")[0]):
-            if place and os.path.isfile(place):
-                files.append(Path(place))
-                break
-        else:
-            if part.endswith((".py", ".npz", ".onnx")):
-                raise BenchmarkError(f"there is no file {shown(part)}")
+        place = next((place for place in (part, part.rpartition(":")[0]) if place and os.path.isfile(place)), None)
+        if place is not None:
+            path = Path(place)
+            beside = sorted(path.parent.glob(f"{glob.escape(path.stem)}.*")) if path.suffix == ".py" else [path]
+            files += [path, *(each for each in beside if each != path and each.is_file())]
+        elif part.endswith((".py", ".npz", ".onnx")):
+            raise BenchmarkError(f"there is no file {shown(part)}")
     return files
 
 

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ..agents.controllers.base import Answer, Controller
+from ..core.floats import FloatFields
 from ..core.geometry import Twist, canonical_angle
 from ..core.rng import RandomStream
 from ..core.snapshot import Snapshot
@@ -28,7 +29,7 @@ _LEAST_WAY, _LEAST_TIME = 4.0, 4.0  # m and s, of the person whose place the rob
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class Recording(FloatFields):
     """A recording, in which the robot takes the place of a person who is drawn for each scene.
 
     Attributes:

@@ -9,7 +9,7 @@ import orjson
 import pytest
 
 import sonata2d as s2
-from sonata2d.benchmark import fit_rating_model, read_row, run_benchmark, verify_row
+from sonata2d.benchmark import fit_rating_model, read_row, run_benchmark, table_of, verify_row
 from sonata2d.benchmark.rating import RatingModel
 from sonata2d.benchmark.scoring import SCORES, values_of
 from sonata2d.collect.rating import Rating, append_rating, path_for
@@ -66,6 +66,7 @@ def test_a_row_keeps_the_model_of_its_advisory_column(tmp_path: Path) -> None:
     arguments = {"parts": ["frontal-approach"], "scenes": 2, "scorers": [str(tmp_path / "kindness.json")]}
     run_benchmark("orca", folder, **arguments)  # type: ignore[arg-type]
     assert 0.0 < read_row(folder)["all"]["advisory"]["kindness"]["value"] < 1.0
+    assert "kindness" in table_of([folder]).html()
     (tmp_path / "kindness.json").unlink()
     assert verify_row(folder, rerun=True).badges == ("replayed", "re-run")
     content = orjson.loads((folder / "controller" / "kindness.json").read_bytes())

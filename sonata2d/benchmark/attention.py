@@ -1,6 +1,6 @@
-"""A policy with attention over people, objects and walls, and the controller that drives with its weights.
+"""A policy with attention over people, objects and walls: a baseline of the benchmark.
 
-`ppo.py --network attention` trains it and writes the weights, `attention.npz`, and a copy of this file beside them:
+`examples/train/ppo.py --network attention` trains it, and writes its weights, `attention.npz`, and a copy of this file:
 
     sonata2d evaluate --controller runs/attention/attention.py:AttentionPolicy
 
@@ -15,8 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import orjson
 
+import sonata2d as s2
 import sonata2d.gym as s2g
+from sonata2d.core.portable_math import Array
 
 OWN, TABLES = ("goal", "robot"), ("humans", "objects", "walls")
 WIDTH = 64
@@ -24,7 +27,8 @@ WIDTH = 64
 
 def columns(space: Any) -> dict[str, tuple[int, tuple[int, ...]]]:
     """Offset and shape of each part in a flat observation of the parts of an environment."""
-    found, offset = {}, 0
+    found: dict[str, tuple[int, tuple[int, ...]]] = {}
+    offset = 0
     for name, part in space.spaces.items():
         if part.dtype == np.float32:
             found[name] = offset, part.shape
@@ -33,19 +37,18 @@ def columns(space: Any) -> dict[str, tuple[int, tuple[int, ...]]]:
 
 
 class AttentionPolicy(s2g.PolicyController):
-    """Drives with the weights beside this file; needs NumPy alone."""
-
-    deterministic = True
+    """Drives with the weights beside this file, without a deep-learning library."""
 
     def __init__(self) -> None:
         with np.load(Path(__file__).with_name("attention.npz")) as file:
-            self._w = {name: file[name].astype(np.float64) for name in file.files if name != "scenario"}
-            env = s2g.Flat(s2g.SocialNavEnv(settings=None, scenario=_scenario(str(file["scenario"]))))
+            self._weights = {name: file[name].astype(np.float64) for name in file.files if name != "scenario"}
+            config = s2.ScenarioConfig(**orjson.loads(str(file["scenario"])))
+        env = s2g.Flat(s2g.SocialNavEnv(config))
         self._columns = columns(env.unwrapped.observation_space)
         super().__init__(self._action, env)
 
-    def _action(self, observation: Any) -> Any:
-        inputs = np.clip((observation - self._w["mean"]) / self._w["deviation"], -10.0, 10.0)
+    def _action(self, observation: Array) -> Array:
+        inputs = np.clip((observation - self._weights["mean"]) / self._weights["deviation"], -10.0, 10.0)
         query = self._layer("own", np.concatenate([self._part(inputs, name) for name in OWN]))
         keys, values = [], []
         for name in TABLES:
@@ -60,20 +63,13 @@ class AttentionPolicy(s2g.PolicyController):
             weight = np.exp(score - score.max())
             context = weight @ value / weight.sum()
         hidden = self._layer("hidden", np.concatenate((query, context)))
-        action = hidden @ self._w["action.weight"].T + self._w["action.bias"]
-        return np.clip(action, -1.0, 1.0)
+        action: Array = hidden @ self._weights["action.weight"].T + self._weights["action.bias"]
+        return action.clip(-1.0, 1.0)
 
-    def _part(self, flat: Any, name: str) -> Any:
+    def _part(self, flat: Array, name: str) -> Array:
         offset, shape = self._columns[name]
         return flat[offset : offset + int(np.prod(shape))].reshape(shape)
 
-    def _layer(self, name: str, inputs: Any) -> Any:
-        return np.tanh(inputs @ self._w[f"{name}.weight"].T + self._w[f"{name}.bias"])
-
-
-def _scenario(settings: str) -> Any:
-    import json
-
-    import sonata2d as s2
-
-    return s2.ScenarioConfig(**json.loads(settings))
+    def _layer(self, name: str, inputs: Array) -> Array:
+        layer: Array = np.tanh(inputs @ self._weights[f"{name}.weight"].T + self._weights[f"{name}.bias"])
+        return layer
