@@ -1,9 +1,9 @@
 """The process of a controller in the benchmark: it gets snapshots through a pipe, and answers with three numbers.
 
 An audit hook (PEP 578) refuses what a controller of the benchmark must not do: start processes, use the network, read
-or write files other than its own and the installed packages, generate scenes and simulate worlds. The hook stops code
-in Python; it is no sandbox against native code. No seed, no settings and no intentions of people are ever sent to this
-process, so that little is to be found here.
+or write files other than its own and the installed packages, generate scenes and simulate worlds. The hook is no
+sandbox: code that is written to get around it can do so. No seed, no settings and no intentions of people are ever sent
+to this process, so that little is to be found here.
 """
 
 from __future__ import annotations
@@ -35,85 +35,92 @@ LENGTH = struct.Struct("<I")
 ANSWER = struct.Struct("<cI3dI")  # kind, tick, command, length of a text that follows
 READY, COMMAND, STOP, ERROR = b"R", b"C", b"S", b"E"
 
-_PROCESSES = frozenset(
-    {"os.fork", "os.forkpty", "os.exec", "os.posix_spawn", "os.spawn", "os.system", "os.startfile", "os.kill",
-     "os.killpg", "os.putenv", "subprocess.Popen", "pty.spawn", "_winapi.CreateProcess", "_winapi.OpenProcess"}
-)  # fmt: skip
-_NETWORK = frozenset(
-    {"socket.connect", "socket.bind", "socket.sendto", "socket.sendmsg", "socket.getaddrinfo", "socket.gethostbyname"}
-)
-_CHANGES = frozenset(
-    {"os.remove", "os.rename", "os.mkdir", "os.rmdir", "os.link", "os.symlink", "os.truncate", "os.chmod", "os.chown",
-     "shutil.rmtree", "shutil.move"}
-)  # fmt: skip
-_SIMULATION = frozenset({"sonata2d.generate", "sonata2d.simulate"})
+_REFUSED = {
+    "start or stop processes": (
+        "os.fork", "os.forkpty", "os.exec", "os.posix_spawn", "os.spawn", "os.system", "os.startfile", "os.kill",
+        "os.killpg", "subprocess.Popen", "pty.spawn", "_winapi.CreateProcess", "_winapi.OpenProcess",
+    ),
+    "use the network": (
+        "socket.connect", "socket.bind", "socket.sendto", "socket.sendmsg", "socket.getaddrinfo",
+        "socket.gethostbyname",
+    ),
+    "run the simulator": ("sonata2d.generate", "sonata2d.simulate"),
+    "change files": (
+        "os.remove", "os.rename", "os.mkdir", "os.rmdir", "os.link", "os.symlink", "os.truncate", "os.chmod",
+        "os.chown", "os.utime", "os.setxattr", "os.removexattr", "shutil.rmtree", "shutil.move", "sqlite3.connect",
+    ),
+}  # fmt: skip
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
-_OF_SYSTEM = ("/proc/self/", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/sys/", "/etc/", "/usr/", "/lib",
-              "/dev/urandom", "/dev/random")  # fmt: skip
 _CODE = (".py", ".pyc", ".so", ".pyd")
 _METADATA = (".egg-info", ".dist-info")  # of installed packages, which may be anywhere
-_SECRET_OF_SYSTEM = ("/proc/self/mem", "/proc/self/environ", "/proc/self/fd", "/proc/self/root", "/proc/self/cwd")
+_OF_SYSTEM = (
+    "/proc/cpuinfo",
+    "/proc/meminfo",
+    "/proc/stat",
+    "/sys/",
+    "/etc/",
+    "/usr/",
+    "/lib",
+    "/dev/urandom",
+    "/dev/random",
+)
+_OF_PROCESS = ("status", "stat", "cgroup", "mounts", "mountinfo", "task")  # in /proc/self, which libraries read
+_SUITES = str(Path(__file__).resolve().parent / "suites")
 
 
-class Rules:
-    """The audit hook.
+def install_rules(files: Sequence[str]) -> list[str]:
+    """Install the audit hook.
 
     Args:
-        folders: of the controller's own files, which it may read.
+        files: of the controller, which it may read.
 
-    Attributes:
-        broken: descriptions of what was refused.
+    Returns:
+        Descriptions of what is refused from now on, as it happens.
     """
+    package = str(Path(__file__).resolve().parents[1])
+    installed = [sys.prefix, sys.base_prefix, sys.exec_prefix, package]
+    installed += [path for path in sys.path if path and Path(path).name in ("site-packages", "dist-packages")]
+    own = {os.path.realpath(file) for file in files}
+    folders = tuple(os.path.realpath(path) + os.sep for path in installed)
+    own_process = tuple(f"/proc/{os.getpid()}/{name}" for name in _OF_PROCESS)
+    cache = cache_folder()  # a copy of this process
+    writable = () if cache is None else (os.path.realpath(cache) + os.sep,)
+    reasons = {event: what for what, events in _REFUSED.items() for event in events}
+    broken: list[str] = []
 
-    def __init__(self, folders: Sequence[str]) -> None:
-        package = Path(__file__).resolve().parent
-        installed = [sys.prefix, sys.base_prefix, sys.exec_prefix, str(package.parent)]
-        installed += [path for path in sys.path if path and Path(path).name in ("site-packages", "dist-packages")]
-        self._may_read = tuple(os.path.realpath(path) + os.sep for path in (*installed, *folders)) + _OF_SYSTEM
-        self._must_not_read = (str(package / "suites"), *_SECRET_OF_SYSTEM)
-        cache = cache_folder()
-        self._may_write = () if cache is None else (os.path.realpath(cache) + os.sep,)
-        self.broken: list[str] = []
-
-    def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:
-        """Refuse an event.
-
-        Raises:
-            PermissionError: it is against the rules.
-        """
-        if event == "open":
-            self._check_file(*arguments)
-        elif event in _PROCESSES:
-            self._refuse(f"start or stop processes ({event})")
-        elif event in _NETWORK:
-            self._refuse(f"use the network ({event})")
-        elif event in _SIMULATION:
-            self._refuse(f"run the simulator ({event})")
-        elif event in _CHANGES and not self._is_in_cache(arguments[0]):
-            self._refuse(f"change files ({event} {arguments[0]!r:.80})")
-
-    def _check_file(self, path: Any, mode: Any, flags: int) -> None:
-        if isinstance(path, int):  # a descriptor that is open already
-            return
-        place = os.path.realpath(os.fsdecode(path))
-        is_written = bool(flags & _WRITING) or bool(mode and set(str(mode)) & set("wax+"))
-        if place == os.devnull or (place + os.sep).startswith(self._may_write):
-            return
-        if is_written:
-            self._refuse(f"write {place}")
-        may_read = place.startswith(self._may_read) or place.endswith(_CODE) or Path(place).parent.suffix in _METADATA
-        is_nothing = os.path.isdir(place) or not os.path.lexists(place)
-        if (place.startswith(self._must_not_read) or not may_read) and not is_nothing:
-            self._refuse(f"read {place}")
-
-    def _is_in_cache(self, path: Any) -> bool:
-        if not isinstance(path, str | bytes | os.PathLike):
-            return False
-        return (os.path.realpath(os.fsdecode(path)) + os.sep).startswith(self._may_write)
-
-    def _refuse(self, what: str) -> None:
-        self.broken.append(what)
+    def refuse(what: str) -> None:
+        broken.append(what)
         raise PermissionError(f"a controller of the benchmark must not {what}")
+
+    def is_writable(path: Any) -> bool:
+        is_path = isinstance(path, str | bytes | os.PathLike)
+        return is_path and (os.path.realpath(os.fsdecode(path)) + os.sep).startswith(writable)
+
+    def check_file(path: Any, mode: Any, flags: int) -> None:
+        place = os.path.realpath(os.fsdecode(path))
+        if place == os.devnull or is_writable(place):
+            return
+        if flags & _WRITING or (mode and set(str(mode)) & set("wax+")):
+            refuse(f"write {place}")
+        may_read = place in own or place.startswith((*folders, *_OF_SYSTEM, *own_process))
+        may_read = may_read or place.endswith(_CODE) or Path(place).parent.suffix in _METADATA
+        is_nothing = os.path.isdir(place) or not os.path.lexists(place)
+        if (place.startswith(_SUITES) or not may_read) and not is_nothing:
+            refuse(f"read {place}")
+
+    def hook(event: str, arguments: tuple[Any, ...]) -> None:
+        if event == "open":
+            if not isinstance(arguments[0], int):  # a descriptor is open already
+                check_file(*arguments)
+        elif event == "object.__setattr__" and arguments[1] == "__code__":
+            refuse("replace the code of a function")
+        elif (what := reasons.get(event)) is not None:
+            places = arguments[:2] if event in ("os.rename", "os.link", "os.symlink", "shutil.move") else arguments[:1]
+            if what != "change files" or not all(map(is_writable, places)):
+                refuse(f"{what} ({event})")
+
+    sys.addaudithook(hook)
+    return broken
 
 
 class Child:
@@ -128,7 +135,7 @@ class Child:
         self._controller: Any = None
         self._scene: Any = None
         self._links: Any = ()
-        self._rules = Rules(())
+        self._broken: list[str] = []
 
     def serve(self) -> None:
         """Answer requests until the pipe is closed."""
@@ -147,16 +154,15 @@ class Child:
         return pickle.loads(self._requests.read(LENGTH.unpack(header)[0]))
 
     def _send(self, kind: bytes, tick: int = 0, command: Twist | None = None, text: str = "") -> None:
-        if self._rules.broken:
-            kind, text = ERROR, f"the controller tried to {self._rules.broken[0]}"
+        if self._broken:
+            kind, text = ERROR, f"the controller tried to {self._broken[0]}"
         content = text.encode(errors="replace")[:4000]
         numbers = (0.0, 0.0, 0.0) if command is None else (float(command.vx), float(command.vy), float(command.omega))
         self._answers.write(ANSWER.pack(kind, tick, *numbers, len(content)) + content)
         self._answers.flush()
 
-    def _load(self, source: ControllerSource, folders: Sequence[str]) -> None:
-        self._rules = Rules([*folders, *source.unpack()])
-        sys.addaudithook(self._rules)
+    def _load(self, source: ControllerSource, files: Sequence[str]) -> None:
+        self._broken = install_rules([*files, *source.unpack()])
         controller: Controller = source.create()
         self._controller = controller
         about = {

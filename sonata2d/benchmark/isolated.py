@@ -7,22 +7,24 @@ import glob
 import math
 import os
 import pickle
+import shutil
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import orjson
 
 from ..agents.controllers.base import Answer, Controller, Stop
-from ..agents.controllers.loading import ControllerSource
-from ..agents.sensors.base import Sensor, definition_of, known_to, sensor_from
+from ..agents.controllers.loading import ControllerSource, split_pair
+from ..agents.sensors.base import Sensor, definition_of, known_to
 from ..agents.sensors.estimates import Odometry
 from ..agents.sensors.lidar import Lidar
+from ..core.compiled.cache import cache_folder
 from ..core.geometry import Twist
 from ..core.humans import BODY_X
 from ..core.portable_math import Array
@@ -31,10 +33,11 @@ from ..core.snapshot import Snapshot
 from ..core.state import EXECUTED_VX, ROBOT_SIZE
 from ..core.wording import shown
 from ..errors import BenchmarkError, ControllerError
+from ..registry import CONTROLLERS
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
 from ..sim.episode import Episode
-from .child import ANSWER, COMMAND, ERROR, LENGTH, STOP
+from .child import ANSWER, COMMAND, ERROR, LENGTH, READY, STOP
 from .shown import Perception, Sensing
 from .suite import SEES, Track
 
@@ -44,7 +47,7 @@ _AT_START = 20  # times the budget, in the first tick of an episode
 _MOST_SECONDS = 60.0  # for one answer, after which the process is ended
 _LOAD_SECONDS = 300.0
 LIDAR_SENSORS: tuple[Sensor, ...] = (Lidar(rays=180, distance=8.0, noise=0.01), Odometry())
-"""The sensors of the tracks `lidar` and `sees`: a controller has some of them, with these settings."""
+"""The sensors of the benchmark: a controller has none or some of them, with these settings and names."""
 
 
 def fixed_work() -> int:
@@ -92,7 +95,8 @@ class Isolated(Controller):
         self._held: tuple[float, float, float] | None = None
         self._process: subprocess.Popen[bytes] | None = None
         self._about: Mapping[str, Any] = {}
-        self._deadline, self._is_closed = math.inf, False
+        self._deadline = [math.inf]
+        self._cache: str | None = None
         self._start()
 
     def settings(self) -> dict[str, Any]:
@@ -105,7 +109,6 @@ class Isolated(Controller):
 
     def close(self) -> None:
         """End the process."""
-        self._is_closed = True
         process, self._process = self._process, None
         if process is not None:
             for pipe in (process.stdin, process.stdout):
@@ -117,6 +120,9 @@ class Isolated(Controller):
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
+        if self._cache is not None:
+            shutil.rmtree(self._cache, ignore_errors=True)
+            self._cache = None
 
     def __del__(self) -> None:
         with contextlib.suppress(Exception):
@@ -124,38 +130,34 @@ class Isolated(Controller):
 
     def _start(self) -> None:
         self.close()
-        self._is_closed = False
+        if self._source.name in CONTROLLERS:  # its kernels are then in the cache of this process, which is copied
+            self._practise(self._source.create())
+        self._cache = _copied_cache()
         paths = [str(Path(__file__).resolve().parents[2]), *(path for path in sys.path if path)]
         threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-        kept = {key: value for key, value in os.environ.items() if not key.startswith("SONATA2D_BENCHMARK")}
-        environment = kept | threads | {"PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"}
+        own = {"PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1", "NUMBA_CACHE_DIR": self._cache}
         command = [sys.executable, "-c", "from sonata2d.benchmark.child import main; main()"]
         self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, close_fds=True
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=os.environ | threads | own, close_fds=True
         )
-        threading.Thread(target=self._watch, args=(self._process,), daemon=True).start()
-        kind, _, _, text = self._ask(("load", self._source, folders_of(self._source.name)), _LOAD_SECONDS)
-        if kind == ERROR:
+        self._deadline = [math.inf]
+        threading.Thread(target=_end_if_silent, args=(self._process, self._deadline), daemon=True).start()
+        files = [str(path) for path in files_of(self._source.name, must_exist=False)]
+        kind, _, _, text = self._ask(("load", self._source, files), _LOAD_SECONDS)
+        if kind != READY:
             self._raise_if_broken(text)
             raise ControllerError(f"{self._source.name} cannot be loaded in a process of its own: {text}")
         self._about = orjson.loads(text)
         self.sensors = self._checked_sensors()
-        self._practise()
+        self._second = math.inf
+        self._practise(self)
         self._second = seconds_of_fixed_work()
-
-    def _watch(self, process: subprocess.Popen[bytes]) -> None:
-        """End a process that does not answer."""
-        while process.poll() is None and not self._is_closed:
-            if time.monotonic() > self._deadline:
-                process.kill()
-                return
-            time.sleep(0.5)
 
     def _checked_sensors(self) -> list[Sensor]:
         """The sensors of the controller.
 
         Raises:
-            BenchmarkError: the track has others.
+            BenchmarkError: they are none of the benchmark, or the track has none.
         """
         name, track = self._source.name, self._track
         if self._about["image"]:
@@ -163,23 +165,21 @@ class Isolated(Controller):
         if track == "lidar" and not self._about["partial"]:
             raise BenchmarkError(f"the track lidar is for controllers with partial = True, which {name} has not")
         sensors = []
+        allowed = {each.name: each for each in LIDAR_SENSORS}
         for definition in self._about["sensors"]:
-            sensor = sensor_from(definition)
-            if sensor is None:
-                raise BenchmarkError(f"{name} has a sensor of its own, {definition['type']}; use a built-in one")
-            allowed = {each.name: each for each in LIDAR_SENSORS}
-            if track != "state" and definition["settings"] != _settings_of(allowed.get(sensor.name)):
+            if definition["settings"] != _settings_of(allowed.get(definition["name"])):
                 raise BenchmarkError(
-                    f"the track {track} has the sensors {', '.join(map(repr, LIDAR_SENSORS))}; {name} has {sensor!r}"
+                    f"the sensors of the benchmark are {', '.join(map(repr, LIDAR_SENSORS))}; {name} has "
+                    f"{definition['type']} with {definition['settings']}"
                 )
-            sensors.append(replace(sensor, record=False))  # so that a replay needs no measurement
+            sensors.append(allowed[definition["name"]])
         return sensors
 
-    def _practise(self) -> None:
+    def _practise(self, controller: Controller) -> None:
         """Some ticks in a scene of practice without a budget, in which code is compiled."""
-        self.sensing, self._second = None, math.inf
+        self.sensing = None
         scene = generate(ScenarioConfig(humans=2, plants=1, tables=1), 1)
-        episode = Episode(scene, self)
+        episode = Episode(scene, controller)
         for _ in range(3):
             episode.step()
 
@@ -195,7 +195,7 @@ class Isolated(Controller):
         if self._process is None or self._process.poll() is not None:
             self._start_again(scene)
         kind, _, _, text = self._ask(("reset", shown_scene), _MOST_SECONDS)
-        if kind == ERROR:
+        if kind != READY:
             self._fail(text)
 
     def _start_again(self, scene: Scene) -> None:
@@ -264,7 +264,7 @@ class Isolated(Controller):
         assert process.stdin is not None
         assert process.stdout is not None
         content = pickle.dumps(request, protocol=5)
-        self._deadline = time.monotonic() + seconds
+        self._deadline[0] = time.monotonic() + seconds
         try:
             process.stdin.write(LENGTH.pack(len(content)) + content)
             process.stdin.flush()
@@ -274,13 +274,13 @@ class Isolated(Controller):
             kind, tick, vx, vy, omega, length = ANSWER.unpack(header)
             text = process.stdout.read(min(length, 4000)).decode(errors="replace")
         except (OSError, EOFError):
-            is_late = time.monotonic() > self._deadline
+            is_late = time.monotonic() > self._deadline[0]
             process.kill()
             process.wait()
             reason = f"there was no answer in {seconds:g} s" if is_late else "its process ended"
             return ERROR, 0, (0.0, 0.0, 0.0), reason
         finally:
-            self._deadline = math.inf
+            self._deadline[0] = math.inf
         return kind, tick, (vx, vy, omega), text
 
 
@@ -306,7 +306,27 @@ def _settings_of(sensor: Sensor | None) -> Any:
     return None if sensor is None else orjson.loads(orjson.dumps(definition_of(sensor)["settings"]))
 
 
-def files_of(name: str) -> list[Path]:
+def _copied_cache() -> str:
+    """A new folder for the kernels of a controller's process, with a copy of the kernels of this process.
+
+    Loading a kernel runs what its file contains: this process never loads what the controller's process has written.
+    """
+    folder, present = tempfile.mkdtemp(prefix="sonata2d-controller-"), cache_folder()
+    if present is not None and present.is_dir():
+        shutil.copytree(present, Path(folder) / "sonata2d", ignore=shutil.ignore_patterns("*.tmp", "*.lock"))
+    return folder
+
+
+def _end_if_silent(process: subprocess.Popen[bytes], deadline: list[float]) -> None:
+    """End a process that does not answer before the deadline, which its user sets."""
+    while process.poll() is None:
+        if time.monotonic() > deadline[0]:
+            process.kill()
+            return
+        time.sleep(0.5)
+
+
+def files_of(name: str, *, must_exist: bool = True) -> list[Path]:
     """The files that the name of a controller contains: a script, or a policy; of `driver+labeller`, of both.
 
     Files beside a script that have its name and another ending, such as its weights, go with it.
@@ -315,17 +335,12 @@ def files_of(name: str) -> list[Path]:
         BenchmarkError: the name contains a file that does not exist.
     """
     files = []
-    for part in name.split("+"):
+    for part in split_pair(name):
         place = next((place for place in (part, part.rpartition(":")[0]) if place and os.path.isfile(place)), None)
         if place is not None:
             path = Path(place)
             beside = sorted(path.parent.glob(f"{glob.escape(path.stem)}.*")) if path.suffix == ".py" else [path]
             files += [path, *(each for each in beside if each != path and each.is_file())]
-        elif part.endswith((".py", ".npz", ".onnx")):
+        elif must_exist and part.endswith((".py", ".npz", ".onnx")):
             raise BenchmarkError(f"there is no file {shown(part)}")
     return files
-
-
-def folders_of(name: str) -> list[str]:
-    """The folders of the files of a controller."""
-    return sorted({str(path.resolve().parent) for path in files_of(name)})

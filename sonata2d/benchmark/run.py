@@ -22,7 +22,7 @@ from ..sim.episode import Episode
 from ..sim.inputs import TickInput
 from .isolated import FAILED, Isolated
 from .recorded import RecordedPerson
-from .scorers import column_of, learned_score
+from .scorers import LEARNED, column_of, learned_score
 from .scoring import values_of
 from .suite import Entry, Track, difficulty_of, load_suite, scene_sha256
 
@@ -157,7 +157,7 @@ class Runner:
         record = recorder.record()
         values = values_of(record, entry.situation)
         for name in self.scorers:
-            values[column_of(name)] = learned_score(name, record, values)
+            values[f"{LEARNED}{column_of(name)}"] = learned_score(name, record, values)
         commands = np.array([(c.vx, c.vy, c.omega) for c in (tick.command for tick in episode.past)]).reshape(-1, 3)
         return Run(
             entry=entry.name,

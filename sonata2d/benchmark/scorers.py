@@ -11,9 +11,9 @@ from ..errors import BenchmarkError, ConfigError
 from ..record.record import EpisodeRecord
 from ..registry import SCORERS
 from .rating import SUFFIX, RatingModel
-from .scoring import SCORES, Values
+from .scoring import Values
 
-_TAKEN = {*SCORES, "strict", "took_place"}
+LEARNED = "learned."  # beginning of the names of learned scores among the values of a scene
 
 
 def learned_score(name: str, record: EpisodeRecord, values: Values) -> float | None:
@@ -40,7 +40,7 @@ def checked_scorers(names: Sequence[str]) -> dict[str, str]:
     """Check that learned scores exist; returns the hash of each file by its name.
 
     Raises:
-        ConfigError: a name is unknown, or the column has the name of a score or of another learned score.
+        ConfigError: a name is unknown, or two columns have the same name.
         BenchmarkError: a file is missing, or no rating model.
     """
     files = {}
@@ -54,7 +54,7 @@ def checked_scorers(names: Sequence[str]) -> dict[str, str]:
             _function(name)
     columns = [column_of(name) for name in names]
     for column in columns:
-        if column in _TAKEN or columns.count(column) > 1:
+        if columns.count(column) > 1:
             raise ConfigError(f"two columns would have the name {column!r}; rename the learned score")
     return files
 

@@ -216,9 +216,9 @@ class Suite:
         return self.hidden_seed(bytes.fromhex(revealed))
 
     def hidden_seed(self, secret: bytes) -> int:
-        """The seed that belongs to a secret: the first 48 bits of HMAC-SHA256 of the suite's name and hash."""
+        """The seed that belongs to a secret: the first 63 bits of HMAC-SHA256 of the suite's name and hash."""
         digest = hmac.new(secret, f"{self.name} {self.sha256}".encode(), hashlib.sha256).digest()
-        return int.from_bytes(digest[:6], "big")
+        return int.from_bytes(digest[:8], "big") >> 1
 
     def scenes(self, seed: int) -> Iterator[tuple[Entry, int, Scene]]:
         """Entry, number and scene of all scenes."""

@@ -15,7 +15,7 @@ from ..record.files import write_atomically
 from .baselines import BASELINES
 from .row import Plan, read_row
 from .scoring import SCORES
-from .suite import TRACKS, Suite, load_suite, quarters_of
+from .suite import TRACKS, Suite, load_suite
 
 FRONT = ("stl", "safe", "polite")
 """A score of each group, in which the front is taken; failed scenes count as 0 in all of them."""
@@ -36,8 +36,8 @@ class Line:
         controller: its name.
         track: what it observes.
         rows: its rows by the name of their seeds.
-        is_on_front: whether no other controller of the track is at least as good in all scores of `FRONT`, and better
-            in one.
+        is_on_front: whether no other controller with the same track, seeds and scenes is at least as good in all scores
+            of `FRONT`, and better in one.
     """
 
     controller: str
@@ -89,27 +89,24 @@ class Line:
 
     @property
     def gaps(self) -> dict[str, tuple[float, bool]]:
-        """Of public seeds against hidden ones: difference of the shares of strict scenes, and whether it is too large.
+        """Of other seeds against hidden ones: difference of the shares of strict scenes, and whether it is too large.
 
         It is too large if it exceeds the 95 % interval of a difference of two shares.
         """
-        hidden = next((row for seeds, row in self.rows.items() if is_hidden(row, seeds)), None)
-        if hidden is None:
-            return {}
+        hidden = self.rows.get("hidden")
         found = {}
         for seeds, row in self.rows.items():
-            if row is not hidden and not is_hidden(row, seeds):
-                (p, n), (q, m) = (
-                    (each["all"]["strict"]["value"], each["all"]["strict"]["n"]) for each in (row, hidden)
-                )
+            if hidden is not None and row is not hidden and _scenes_of(row) == _scenes_of(hidden):
+                shares = ((each["all"]["strict"]["value"], each["all"]["strict"]["n"]) for each in (row, hidden))
+                (p, n), (q, m) = shares
                 spread = math.sqrt(p * (1.0 - p) / n + q * (1.0 - q) / m)
                 found[seeds] = (p - q, p - q > _Z * spread)
         return found
 
 
-def is_hidden(row: Mapping[str, Any], seeds: str) -> bool:
-    """Whether the seeds of a row are hidden ones, or those of a quarter that has been revealed."""
-    return seeds == "hidden" or seeds in quarters_of(row["plan"]["suite"])
+def _scenes_of(row: Mapping[str, Any]) -> Any:
+    """The part of a suite that a row has: rows of other parts are not compared."""
+    return row["plan"]["parts"], row["plan"]["scenes"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,8 +243,9 @@ def table_of(folders: Sequence[str | Path]) -> Table:
 
 
 def _beats(line: Line, other: Line) -> bool:
-    """Whether a line is at least as good as another one of its track in all scores of the front, better in one."""
-    if line.track != other.track:
+    """Whether a line is at least as good as another one in all scores of the front, and better in one."""
+    scenes = [_scenes_of(each.rows[each.seeds]) for each in (line, other)]
+    if (line.track, line.seeds) != (other.track, other.seeds) or scenes[0] != scenes[1]:
         return False
     pairs = [(line.value(name) or 0.0, other.value(name) or 0.0) for name in FRONT]
     return all(a >= b for a, b in pairs) and any(a > b for a, b in pairs)

@@ -9,6 +9,7 @@ import json
 import os
 import pickle
 import socket
+import sqlite3
 import struct
 import subprocess
 import sys
@@ -93,6 +94,40 @@ class WritesNotes(Honest):
     def act(self, snapshot: s2.Snapshot) -> Answer:
         Path(__file__).with_name("notes.txt").write_text("scene 1")
         return AHEAD
+
+
+class ReadsFolder(Honest):
+    """Reads a file in its own folder that is none of its own, such as the secret of a keeper."""
+
+    def act(self, snapshot: s2.Snapshot) -> Answer:
+        Path(__file__).with_name("README.md").read_text()
+        return AHEAD
+
+
+class MovesKernel(Honest):
+    """Makes a file in the folder of kernels, where it may write, and moves it elsewhere."""
+
+    def act(self, snapshot: s2.Snapshot) -> Answer:
+        file = Path(os.environ["NUMBA_CACHE_DIR"]) / "sonata2d" / "x.kernel"
+        file.write_bytes(b"notes")
+        file.rename(Path(__file__).with_name("notes.kernel"))
+        return AHEAD
+
+
+class UsesDatabase(Honest):
+    """Keeps notes in a database, whose library opens files by itself."""
+
+    def act(self, snapshot: s2.Snapshot) -> Answer:
+        sqlite3.connect(Path(__file__).with_name("notes.db"))
+        return AHEAD
+
+
+class SetsEnvironment(Honest):
+    """Sets a variable of its own process, which is allowed."""
+
+    def reset(self, scene: s2.Scene) -> None:
+        os.environ["MINE"] = "1"
+        Path("/proc/self/status").read_text()
 
 
 class HidesRefusal(Honest):

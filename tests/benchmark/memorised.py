@@ -1,6 +1,6 @@
 """A controller that remembers commands for the scenes of a row, and drives straight to the goal in others.
 
-`memory_of` writes `memory.npz` from a row; the class reads the file beside this one.
+`memory_of` writes `memorised.npz` from a row; the class reads the file beside this one.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Memorised(s2.StraightToGoal):
 
     def __init__(self) -> None:
         super().__init__()
-        with np.load(Path(__file__).with_name("memory.npz")) as file:
+        with np.load(Path(__file__).with_name("memorised.npz")) as file:
             ends = np.cumsum(file["ticks"])
             parts = np.split(file["commands"] / 1e4, ends[:-1])
             self._remembered = dict(zip(file["keys"].tolist(), parts, strict=True))

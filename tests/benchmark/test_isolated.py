@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
@@ -13,7 +15,8 @@ from sonata2d.agents.controllers.loading import ControllerSource
 from sonata2d.agents.sensors.lidar import Lidar
 from sonata2d.benchmark import load_suite
 from sonata2d.benchmark.isolated import Isolated
-from sonata2d.benchmark.suite import Track
+from sonata2d.benchmark.suite import TRACKS, Track
+from sonata2d.core.compiled.cache import cache_folder
 from sonata2d.core.devices import ImageRequest
 from sonata2d.errors import BenchmarkError, ControllerError
 
@@ -27,6 +30,9 @@ REFUSED = {
     "Connects": "use the network",
     "WritesNotes": "write .*notes.txt",
     "HidesRefusal": "run the simulator",
+    "ReadsFolder": "read .*README.md",
+    "MovesKernel": "change files .os.rename",
+    "UsesDatabase": "change files .sqlite3.connect",
 }
 if sys.platform != "win32":
     REFUSED["Forks"] = "start or stop processes"
@@ -88,6 +94,30 @@ def test_there_is_nothing_to_find_in_the_process() -> None:
         assert set(_commands(s2.Episode(_scene("waiting-room"), driver), 3)) == {s2.Twist()}
 
 
+def test_kernels_of_the_process_are_not_loaded_here() -> None:
+    before = sorted(folder.iterdir()) if (folder := cache_folder()) is not None else []
+    with isolated("social-planner") as driver:
+        assert driver._cache is not None
+        copy = Path(driver._cache)
+        assert (copy / "sonata2d").is_dir()
+        assert copy / "sonata2d" != folder
+    assert not copy.exists()
+    assert before == (sorted(folder.iterdir()) if folder is not None else [])
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="/proc is a folder of Linux")
+def test_what_does_no_harm_is_allowed() -> None:
+    with isolated(cheats.SetsEnvironment) as driver:
+        assert _commands(s2.Episode(_scene(), driver), 2)[0] == cheats.AHEAD
+
+
+def test_the_process_ends_with_its_driver() -> None:
+    process = Isolated(ControllerSource(cheats.Honest))._process
+    gc.collect()
+    assert process is not None
+    assert process.wait(timeout=5.0) is not None
+
+
 def test_answers_are_three_numbers_and_no_objects() -> None:
     with isolated(cheats.SendsObject) as driver:
         outcome = s2.Episode(_scene(), driver).run()
@@ -125,8 +155,9 @@ def test_a_controller_that_fails_ends_its_scene_only(name: str, reason: str) -> 
 
 
 def test_sensors_of_a_track_are_fixed() -> None:
-    with pytest.raises(BenchmarkError, match="the track sees has the sensors Lidar"):
-        Isolated(ControllerSource(_Fine), "sees")
+    for track in TRACKS:
+        with pytest.raises(BenchmarkError, match="the sensors of the benchmark are Lidar"):
+            Isolated(ControllerSource(_Fine), track)
     with pytest.raises(BenchmarkError, match="the track lidar is for controllers with partial = True"):
         Isolated(ControllerSource("orca"), "lidar")
     with pytest.raises(BenchmarkError, match="requests camera images"):
@@ -136,6 +167,7 @@ def test_sensors_of_a_track_are_fixed() -> None:
 
 
 class _Fine(cheats.Honest):
+    partial = True
     sensors = (Lidar(rays=4000, distance=100.0),)
 
 

@@ -65,7 +65,7 @@ def test_a_row_keeps_the_model_of_its_advisory_column(tmp_path: Path) -> None:
     folder = tmp_path / "row"
     arguments = {"parts": ["frontal-approach"], "scenes": 2, "scorers": [str(tmp_path / "kindness.json")]}
     run_benchmark("orca", folder, **arguments)  # type: ignore[arg-type]
-    assert 0.0 < read_row(folder)["all"]["advisory"]["kindness"]["value"] < 1.0
+    assert 0.0 < read_row(folder)["all"]["advisory"]["learned.kindness"]["value"] < 1.0
     assert "kindness" in table_of([folder]).html()
     (tmp_path / "kindness.json").unlink()
     assert verify_row(folder, rerun=True).badges == ("replayed", "re-run")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,9 @@ import orjson
 import pytest
 
 import sonata2d as s2
-from sonata2d.benchmark import read_row, run_benchmark, verify_row
+from sonata2d.benchmark import read_row, row as module, run_benchmark, verify_row
 from sonata2d.benchmark.row import COMMANDS, EPISODES, ROW
-from sonata2d.benchmark.suite import new_secret
+from sonata2d.benchmark.suite import commitment, new_secret
 from sonata2d.errors import BenchmarkError, ControllerError
 
 from . import cheats
@@ -139,8 +140,6 @@ def test_a_run_that_was_interrupted_continues_to_the_same_bytes(
         kept.append(k)
         raise KeyboardInterrupt
 
-    from sonata2d.benchmark import row as module
-
     original = module._keep
     monkeypatch.setattr(module, "_keep", interrupt)
     with pytest.raises(KeyboardInterrupt):
@@ -157,7 +156,7 @@ def test_a_run_that_was_interrupted_continues_to_the_same_bytes(
         run_benchmark("social-planner", folder, parts=PARTS, scenes=2)
 
 
-def test_hidden_seeds_stay_hidden(tmp_path: Path) -> None:
+def test_hidden_seeds_stay_hidden(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     secret = new_secret()
     folder = tmp_path / "row"
     run_benchmark("orca", folder, seeds="hidden", secret=secret, parts=["frontal-approach"], scenes=1)
@@ -168,7 +167,55 @@ def test_hidden_seeds_stay_hidden(tmp_path: Path) -> None:
         verify_row(folder)
     with pytest.raises(BenchmarkError, match="another secret"):
         verify_row(folder, secret=new_secret())
+    assert verify_row(folder, secret=secret, rerun=True).badges == ("replayed", "re-run")  # nobody announced it
+    announced = {"2027q1": {"commitment": commitment(secret), "secret": None}}
+    monkeypatch.setattr(module, "quarters_of", lambda suite: announced)
     assert verify_row(folder, secret=secret, rerun=True).badges == ("replayed", "re-run", "hidden")
+
+
+def _with_plan(row: Path, folder: Path, **changes: Any) -> Path:
+    shutil.copytree(row, folder)
+    content = orjson.loads((folder / ROW).read_bytes())
+    content["plan"] |= changes
+    (folder / ROW).write_bytes(orjson.dumps(content))
+    return folder
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"files": {"../mine.py": "0"}}, {"models": {"/tmp/x.json": "0"}}, {"scorers": ["loose.json"]}, {"scenes": "a"},
+        {"suite": [1]}, {"track": "radar"}, {"files": {"a\\b.py": "0"}}, {"models": {"..": "0"}},
+    ],
+)  # fmt: skip
+def test_a_row_names_no_files_of_others(row: Path, tmp_path: Path, changes: dict[str, Any]) -> None:
+    with pytest.raises(BenchmarkError, match=r"does not say how it was made|no track|does not hold the rating model"):
+        verify_row(_with_plan(row, tmp_path / "row", **changes))
+
+
+def test_a_rating_model_cannot_stand_for_a_score(row: Path, tmp_path: Path) -> None:
+    model = {"format": "sonata2d-rating-model", "version": 1, "question": "?", "episodes": 30, "raters": 1,
+             "correlation": 1.0, "features": [], "mean": [], "scale": [], "weights": [], "bias": 1.0}  # fmt: skip
+    content = orjson.dumps(model)
+    folder = _with_plan(
+        row, tmp_path / "row", scorers=["strict.json"], models={"strict.json": sha256(content).hexdigest()}
+    )
+    (folder / "controller").mkdir()
+    (folder / "controller" / "strict.json").write_bytes(content)
+    assert verify_row(folder).badges == ()
+    (folder / "controller" / "extra.txt").write_text("more")
+    assert "controller/extra.txt was not part of the run" in verify_row(folder).problems
+
+
+def test_a_deterministic_controller_gives_equal_commands(tmp_path: Path) -> None:
+    (tmp_path / "drifting.py").write_text(
+        "import numpy as np\nimport sonata2d as s2\n\n\nclass Drifting(s2.Controller):\n"
+        "    def act(self, snapshot):\n        return s2.Twist(vx=0.2 + 0.1 * np.random.default_rng().random())\n"
+    )
+    run_benchmark(str(tmp_path / "drifting.py"), tmp_path / "row", parts=["frontal-approach"], scenes=2)
+    found = verify_row(tmp_path / "row", rerun=True)
+    assert found.badges == ("replayed",)
+    assert found.problems == ("the controller gives other commands in 2 scenes of a second run",)
 
 
 def test_a_controller_that_always_fails_stops_the_run(tmp_path: Path) -> None:

@@ -46,12 +46,22 @@ def test_the_front_has_no_row_that_another_one_beats(row: Path, tmp_path: Path) 
     assert [line.controller for line in table.lines] == ["polite", "fast", "beaten", "still"]
 
 
+def test_a_row_of_other_scenes_or_seeds_takes_nobody_off_the_front(row: Path, tmp_path: Path) -> None:
+    whole = _copy(row, tmp_path / "a", "whole", stl=0.5, safe=0.5, polite=0.5)
+    few = _copy(row, tmp_path / "b", "few", stl=1.0, safe=1.0, polite=1.0)
+    content = orjson.loads((few / ROW).read_bytes())
+    content["plan"]["scenes"] = 1
+    (few / ROW).write_bytes(orjson.dumps(content))
+    tuned = _copy(row, tmp_path / "c", "tuned", seeds="dev", stl=1.0, safe=1.0, polite=1.0)
+    assert all(line.is_on_front for line in table_of([whole, few, tuned]).lines)
+
+
 def test_a_gap_to_hidden_seeds_is_flagged(row: Path, tmp_path: Path) -> None:
     rows = [
         _copy(row, tmp_path / "a", "memorised", strict=0.95),
         _copy(row, tmp_path / "b", "memorised", seeds="hidden", strict=0.6),
         _copy(row, tmp_path / "c", "honest", strict=0.8),
-        _copy(row, tmp_path / "d", "honest", seeds="2026q4-trial", strict=0.78),
+        _copy(row, tmp_path / "d", "honest", seeds="hidden", strict=0.78),
     ]
     table = table_of(rows)
     gaps = {line.controller: line.gaps["test"] for line in table.lines}
@@ -90,7 +100,7 @@ def test_a_policy_that_remembers_the_test_scenes_is_flagged(tmp_path: Path) -> N
     scenes: dict[str, Any] = {"parts": ["crossing-a-group"], "scenes": 12}
     run_benchmark("social-planner", tmp_path / "expert", **scenes)
     shutil.copy(memorised.__file__, tmp_path)
-    memorised.memory_of(tmp_path / "expert", tmp_path / "memory.npz")
+    memorised.memory_of(tmp_path / "expert", tmp_path / "memorised.npz")
     name = f"{tmp_path / 'memorised.py'}:Memorised"
     run_benchmark(name, tmp_path / "test", **scenes)
     run_benchmark(name, tmp_path / "hidden", seeds="hidden", secret=b"s" * 32, **scenes)

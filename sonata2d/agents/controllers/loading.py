@@ -52,7 +52,7 @@ def load_controller(name: str, settings: Mapping[str, Any] | None = None) -> Con
         ControllerError: the name is unknown, the object is not a `Controller` class, it cannot be created without
             arguments, or it cannot be reconstructed from the settings.
     """
-    driver_name, labeller_name = _split_pair(name)
+    driver_name, labeller_name = split_pair(name)
     if labeller_name:
         recorded = settings or {}
         try:
@@ -156,12 +156,12 @@ class ControllerSource:
         return controller
 
     def unpack(self) -> list[str]:
-        """Write the files of the controller that this machine lacks; returns the folders of all its files."""
-        if isinstance(self._controller, str):
-            self._controller = self._with_copies(self._controller)
-        parts = _split_pair(self._controller) if isinstance(self._controller, str) else ()
-        files = (file for part in parts for file in (part, part.rpartition(":")[0]) if file and os.path.isfile(file))
-        return sorted({os.path.dirname(os.path.abspath(file)) for file in files})
+        """Write the files of the controller that this machine lacks; returns the paths of all its files."""
+        if not isinstance(self._controller, str):
+            return []
+        self._controller = self._with_copies(self._controller)
+        places = (place for part in split_pair(self._controller) for place in (part, part.rpartition(":")[0]))
+        return sorted({os.path.abspath(place) for place in places if place and os.path.isfile(place)})
 
     def _with_copies(self, name: str) -> str:
         """The name, in which files that this machine lacks, or has with another content, are copies of those sent."""
@@ -185,7 +185,7 @@ class ControllerSource:
                     f"{self.name} cannot be sent to other processes: {described(error)}; use one worker"
                 ) from error
         files = {}
-        for part in _split_pair(self.name) if isinstance(self._controller, str) else ():
+        for part in split_pair(self.name) if isinstance(self._controller, str) else ():
             place = next((file for file in (part, part.rpartition(":")[0]) if file and os.path.isfile(file)), None)
             if place is not None:
                 files[place] = Path(place).read_bytes()
@@ -210,7 +210,7 @@ def is_installed(name: str, settings: Mapping[str, Any]) -> bool:
     Args:
         name, settings: as stored in an episode file.
     """
-    driver, labeller = _split_pair(name)
+    driver, labeller = split_pair(name)
     if labeller:
         pair = (driver, settings.get("driver")), (labeller, settings.get("labeller"))
         return all(is_installed(part, weights or {}) for part, weights in pair)
@@ -246,7 +246,7 @@ def source_hashes(name: str, controller: Controller) -> dict[str, str]:
         controller: as `load_controller` returns it.
     """
     if isinstance(controller, Labelled):
-        driver, labeller = _split_pair(name)
+        driver, labeller = split_pair(name)
         return source_hashes(driver, controller.driver) | source_hashes(labeller, controller.labeller)
     module = type(controller).__module__
     path = Path(name.rpartition(":")[0] or name)
@@ -279,7 +279,7 @@ def find_controller(name: str) -> type[Controller]:
     return _find_class(_import_module(module), attribute, name)
 
 
-def _split_pair(name: str) -> tuple[str, str]:
+def split_pair(name: str) -> tuple[str, str]:
     """Split `driver+labeller`; the labeller is empty if the name stands for one controller.
 
     Paths may contain a plus. The name is split at the last plus that has a file on its right, else at the last plus.
