@@ -240,9 +240,12 @@ def test_doctor_says_where_machine_code_is_kept(monkeypatch: pytest.MonkeyPatch,
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_has_an_example(command: str) -> None:
-    words = {"scenarios": [command, "draw"], "controllers": [command, "list"], "study": [command, "check"]}.get(
-        command, [command]
-    )
+    words = {
+        "scenarios": [command, "draw"],
+        "controllers": [command, "list"],
+        "study": [command, "check"],
+        "benchmark": [command, "list"],
+    }.get(command, [command])
     output = CliRunner().invoke(main, [*words, "--help"]).output
     assert "Example" in output
     assert "--json" in output
