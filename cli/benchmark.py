@@ -60,7 +60,7 @@ def command() -> None:
 @json_option
 def list_(suite: str) -> None:
     """Show the parts, entries, tracks and baselines of a suite."""
-    from sonata2d.benchmark.baselines import BASELINES
+    from sonata2d.benchmark.baselines import baselines_of
     from sonata2d.benchmark.suite import TRACKS, load_suite, quarters_of
 
     chosen = load_suite(suite)
@@ -70,7 +70,7 @@ def list_(suite: str) -> None:
             {
                 "suite": chosen.name, "sha256": chosen.sha256, "scenes": chosen.count, "entries": entries,
                 "tracks": TRACKS, "quarters": quarters_of(suite),
-                "baselines": {name: baseline._asdict() for name, baseline in BASELINES.items()},
+                "baselines": {name: baseline._asdict() for name, baseline in baselines_of(chosen).items()},
             }
         )  # fmt: skip
         return
@@ -82,7 +82,7 @@ def list_(suite: str) -> None:
     echo("\ntracks")
     show_table(TRACKS.items(), "  ")
     echo("baselines")
-    show_table(((name, f"{each.track}: {each.shows}") for name, each in BASELINES.items()), "  ")
+    show_table(((name, f"{each.track}: {each.shows}") for name, each in baselines_of(chosen).items()), "  ")
 
 
 @command.command(
@@ -134,16 +134,18 @@ def baselines(folder: Path, only: tuple[str, ...], workers: WorkerOptions, secre
 
     `benchmark list` shows them.
     """
-    from sonata2d.benchmark.baselines import BASELINES
+    from sonata2d.benchmark.baselines import baselines_of
     from sonata2d.benchmark.row import ROW, read_row, run_benchmark
+    from sonata2d.benchmark.suite import load_suite
     from sonata2d.registry import did_you_mean
 
+    known = baselines_of(load_suite(options["suite"]))
     for name in only:
-        if name not in BASELINES:
-            raise click.UsageError(f"no baseline is named {name!r}{did_you_mean(name, BASELINES)}")
+        if name not in known:
+            raise click.UsageError(f"no baseline of {options['suite']} is named {name!r}{did_you_mean(name, known)}")
     with workers.started() as pool:
-        for name in only or BASELINES:
-            controller, track, _ = BASELINES[name]
+        for name in only or known:
+            controller, track = known[name].controller, known[name].track
             if not (folder / name / ROW).exists():
                 run_benchmark(
                     controller, folder / name, track=track, secret=_secret_in(secret), workers=pool,
@@ -153,7 +155,7 @@ def baselines(folder: Path, only: tuple[str, ...], workers: WorkerOptions, secre
             if not wants_json():
                 echo(f"{name}: {row['all']['strict']['value']:.3f} of {row['all']['scenes']} scenes strict")
     if wants_json():
-        show_json({name: read_row(folder / name) for name in only or BASELINES})
+        show_json({name: read_row(folder / name) for name in only or known})
 
 
 @command.command("verify", epilog=examples("benchmark verify row", "benchmark verify row --rerun"))

@@ -14,7 +14,8 @@ from ..core.geometry import Twist
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
 from ..core.vectors import lengths
-from .suite import Track
+from .run import RECORDED_PERSON
+from .suite import Suite, Track
 
 _NEAR = 3.0  # m, within which `Waiting` waits for people
 
@@ -62,11 +63,13 @@ class Baseline(NamedTuple):
         controller: its name.
         track: what it observes.
         shows: in words.
+        is_recorded: whether it drives in suites of recordings only.
     """
 
     controller: str
     track: Track
     shows: str
+    is_recorded: bool = False
 
 
 _OWN = "sonata2d.benchmark.baselines"
@@ -83,4 +86,11 @@ BASELINES: Mapping[str, Baseline] = {
     "orca-sees": Baseline("orca", "sees", "the same with a field of view and noise"),
     "dwa": Baseline("dwa", "lidar", "Fox et al. 1997"),
     "mppi": Baseline("mppi", "lidar", "Williams et al. 2017"),
+    RECORDED_PERSON: Baseline(RECORDED_PERSON, "state", "the person whose place the robot takes", is_recorded=True),
 }
+
+
+def baselines_of(suite: Suite) -> dict[str, Baseline]:
+    """The baselines that drive in a suite, by name."""
+    is_recorded = any(entry.recording is not None for entry in suite.entries)
+    return {name: each for name, each in BASELINES.items() if is_recorded or not each.is_recorded}

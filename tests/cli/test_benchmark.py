@@ -15,6 +15,8 @@ def test_the_list_names_parts_tracks_and_baselines(sonata2d: Run) -> None:
     for word in ("s2b-1: 2800 scenes", "encounters (1040 scenes)", "lidar", "standing-still"):
         assert word in output
     assert json.loads(sonata2d("benchmark list --json").output)["scenes"] == 2800
+    assert "recorded-person" not in output
+    assert "recorded-person" in sonata2d("benchmark list --suite s2b-1-recorded").output
 
 
 def test_a_row_is_run_verified_and_compared(sonata2d: Run, here: Path) -> None:
