@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -72,7 +73,7 @@ class Baseline(NamedTuple):
     is_recorded: bool = False
 
 
-_OWN = "sonata2d.benchmark.baselines"
+_OWN, _HERE = "sonata2d.benchmark.baselines", Path(__file__).parent
 BASELINES: Mapping[str, Baseline] = {
     "standing-still": Baseline(f"{_OWN}:StandStill", "state", "the lower bound: no contact, and no task done"),
     "straight-to-goal": Baseline("straight-to-goal", "state", "leaning on others: people and a guard shall avoid it"),
@@ -82,6 +83,9 @@ BASELINES: Mapping[str, Baseline] = {
     "orca": Baseline("orca", "state", "van den Berg et al. 2011"),
     "social-planner": Baseline("social-planner", "state", "the expert of sonata2d"),
     "graph-policy": Baseline("graph-policy", "state", "a graph network that imitates the expert"),
+    "ppo": Baseline(str(_HERE / "ppo.npz"), "state", "a perceptron trained by PPO on dev scenes"),
+    "attention": Baseline(f"{_HERE / 'attention.py'}:AttentionPolicy", "state", "attention, trained likewise"),
+    "r-gcn": Baseline(str(_HERE / "r-gcn.npz"), "state", "the network of the SONATA paper, which imitates the expert"),
     "social-planner-sees": Baseline("social-planner", "sees", "the expert, with a field of view and noise"),
     "orca-sees": Baseline("orca", "sees", "the same with a field of view and noise"),
     "dwa": Baseline("dwa", "lidar", "Fox et al. 1997"),
