@@ -47,7 +47,7 @@ ROW, EPISODES, COMMANDS, RUN, CARD = "row.json", "episodes.json", "commands.npz"
 FILES, _PARTS, _PLAN = "controller", ".parts", "plan.json"
 _FORMAT, _VERSION = "sonata2d-benchmark-row", 1
 _MOST_JSON = 1 << 28  # bytes
-_ENOUGH = 10  # scenes in which a controller fails, after which a run stops
+_ENOUGH = 3  # entries in which a controller fails, after which a run stops: its robot may be unfit for one
 
 Badge = Literal["replayed", "re-run", "hidden"]
 
@@ -396,13 +396,13 @@ def _runs(
 
 
 def _stop_if_useless(name: str, found: dict[int, list[Run]]) -> None:
-    """Stop if the controller has failed in all of the first scenes: it does not work at all.
+    """Stop if the controller has failed in all scenes of several entries: it does not work at all.
 
     Raises:
         ControllerError: it has.
     """
     runs = [run for each in found.values() for run in each]
-    if len(runs) >= _ENOUGH and all(run.has_failed for run in runs):
+    if len({run.entry for run in runs}) >= _ENOUGH and all(run.has_failed for run in runs):
         raise ControllerError(f"{name} failed in all of the first {len(runs)} scenes: {runs[0].reason}")
 
 
