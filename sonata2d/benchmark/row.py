@@ -214,7 +214,7 @@ def run_benchmark(
         seeds=seeds,
         seed=None if seeds == "hidden" else chosen.seed_of(seeds, seed=seed),
         commitment=commitment(secret) if seeds == "hidden" and secret is not None else None,
-        controller=_public_name(source.name),
+        controller=public_name(source.name),
         files={path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files},
         parts=tuple(parts),
         scenes=scenes,
@@ -321,7 +321,7 @@ def row_of(suite: Suite, plan: Plan, runs: Sequence[Run]) -> dict[str, Any]:
     }
 
 
-def _public_name(name: str) -> str:
+def public_name(name: str) -> str:
     """The name of a controller without the folders of its files."""
     parts = (part for part in split_pair(name) if part)
     return "+".join(re.split(r"[/\\]", part)[-1] for part in parts)

@@ -13,7 +13,7 @@ import orjson
 from ..errors import BenchmarkError
 from ..record.files import write_atomically
 from .baselines import BASELINES
-from .row import Plan, read_row
+from .row import Plan, public_name, read_row
 from .scoring import SCORES
 from .suite import TRACKS, Suite, load_suite
 
@@ -47,10 +47,8 @@ class Line:
 
     @property
     def label(self) -> str:
-        """The name of the controller; of a baseline that is no stock controller, the name of the baseline."""
-        names = (
-            name for name, each in BASELINES.items() if each.controller == self.controller and ":" in each.controller
-        )
+        """The name of the baseline, or of another controller."""
+        names = (name for name, each in BASELINES.items() if public_name(each.controller) == self.controller)
         return next(names, self.controller)
 
     @property
