@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sonata2d.benchmark import BASELINES, SCORES, read_row, run_benchmark
+from sonata2d.benchmark import BASELINES, SCORES, read_row, run_benchmark, verify_row
 from sonata2d.benchmark.scorers import checked_scorers
 from sonata2d.benchmark.scoring import judged, summary, third_of
 from sonata2d.errors import ConfigError
@@ -95,3 +95,14 @@ def test_learned_scores_are_advisory_columns(tmp_path: Path, monkeypatch: pytest
 
 def _brevity(record: EpisodeRecord) -> float:
     return 1.0 / (1.0 + record.outcome.time)
+
+
+@pytest.mark.parametrize("name", ["ppo", "attention", "r-gcn"])
+def test_trained_baselines_drive_from_the_weights_of_the_package(name: str, tmp_path: Path) -> None:
+    baseline = BASELINES[name]
+    run_benchmark(baseline.controller, tmp_path / "row", track=baseline.track, parts=["frontal-approach"], scenes=2)
+    row = read_row(tmp_path / "row")
+    assert row["failed"] == 0
+    assert row["plan"]["files"]
+    assert row["all"]["task"]["spl"]["n"] == 2
+    assert verify_row(tmp_path / "row", rerun=True).badges == ("replayed", "re-run")
