@@ -60,6 +60,8 @@ def command() -> None:
 @json_option
 def list_(suite: str) -> None:
     """Show the parts, entries, tracks and baselines of a suite."""
+    from dataclasses import asdict
+
     from sonata2d.benchmark.baselines import baselines_of
     from sonata2d.benchmark.suite import TRACKS, load_suite, quarters_of
 
@@ -70,7 +72,7 @@ def list_(suite: str) -> None:
             {
                 "suite": chosen.name, "sha256": chosen.sha256, "scenes": chosen.count, "entries": entries,
                 "tracks": TRACKS, "quarters": quarters_of(suite),
-                "baselines": {name: baseline._asdict() for name, baseline in baselines_of(chosen).items()},
+                "baselines": {name: asdict(baseline) for name, baseline in baselines_of(chosen).items()},
             }
         )  # fmt: skip
         return
