@@ -154,6 +154,10 @@ def baselines(folder: Path, only: tuple[str, ...], workers: WorkerOptions, secre
                     progress=progress, **options,
                 )  # fmt: skip
             row = read_row(folder / name)
+            for key in ("suite", "seeds", "parts", "scenes"):
+                asked = list(options[key]) if key == "parts" else options[key]
+                if row["plan"][key] != asked or (asked == "dev" and row["plan"]["seed"] != options["seed"]):
+                    raise click.UsageError(f"{folder / name} is a row of other {key}; choose another folder")
             if not wants_json():
                 echo(f"{name}: {row['all']['strict']['value']:.3f} of {row['all']['scenes']} scenes strict")
     if wants_json():

@@ -13,6 +13,7 @@ import os
 import pickle
 import struct
 import sys
+import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -145,7 +146,7 @@ class Child:
             try:
                 serve[request[0]](*request[1:])
             except BaseException as error:
-                self._send(ERROR, tick, text=described(error))
+                self._send(ERROR, tick, text=f"{described(error)}{_place_of(error)}")
 
     def _next(self) -> Any:
         header = self._requests.read(LENGTH.size)
@@ -201,6 +202,12 @@ class Child:
             self._send(COMMAND, tick, answer)
         else:
             self._send(ERROR, tick, text=f"act must return a Twist, got {answer!r:.100}")
+
+
+def _place_of(error: BaseException) -> str:
+    """File and line at which an error was raised; without folders, so that it is the same on every machine."""
+    frames = traceback.extract_tb(error.__traceback__)
+    return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
 
 
 def main() -> None:

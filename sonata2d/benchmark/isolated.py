@@ -275,7 +275,8 @@ class Isolated(Controller):
 
     def _raise_if_broken(self, text: str) -> None:
         if text.startswith("the controller tried to "):
-            raise BenchmarkError(f"{self._source.name} breaks the rules of the benchmark: {text}")
+            remedy = "; a file that goes with a script has its name, and another ending" if " to read " in text else ""
+            raise BenchmarkError(f"{self._source.name} breaks the rules of the benchmark: {text}{remedy}")
 
     def _ask(self, request: tuple[Any, ...], seconds: float) -> tuple[bytes, int, tuple[float, ...], str]:
         """The answer to a request: its kind, tick, command and text."""

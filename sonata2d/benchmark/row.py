@@ -364,8 +364,13 @@ def _begun(folder: Path, plan: Plan) -> Path:
         raise BenchmarkError(f"{folder} holds a row already; choose another folder, or delete it")
     content = orjson.dumps(plan.to_json(), option=orjson.OPT_INDENT_2)
     file = place / _PLAN
+    if file.exists() and file.read_bytes() != content and not any(place.glob("[0-9]*.json")):
+        shutil.rmtree(place)  # nothing was run: an earlier start failed
+        shutil.rmtree(folder / FILES, ignore_errors=True)
     if file.exists() and file.read_bytes() != content:
         raise BenchmarkError(f"{folder} holds the beginning of another row; choose another folder, or delete it")
+    if folder.exists() and not folder.is_dir():
+        raise BenchmarkError(f"{folder} is a file; choose another folder")
     if not file.exists() and folder.exists() and any(folder.iterdir()):
         raise BenchmarkError(f"{folder} is not empty; choose another folder")
     place.mkdir(parents=True, exist_ok=True)

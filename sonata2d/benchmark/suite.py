@@ -209,7 +209,8 @@ class Suite:
         quarters = quarters_of(self.name)
         if seeds not in quarters:
             hint = did_you_mean(seeds, ["dev", "test", "hidden", *quarters])
-            raise BenchmarkError(f"{self.name} has no seeds {seeds!r}; seeds are dev, test, hidden{hint}")
+            known = ", ".join(["dev", "test", "hidden", *quarters])
+            raise BenchmarkError(f"{self.name} has no seeds {seeds!r}; seeds are {known}{hint}")
         revealed = quarters[seeds].get("secret")
         if revealed is None:
             raise BenchmarkError(f"the secret of {seeds} is not revealed yet; the keeper runs hidden seeds")

@@ -229,7 +229,10 @@ def table_of(folders: Sequence[str | Path]) -> Table:
         key = (plan.track, plan.controller, *sorted(plan.files.values()))
         seeds = plan.seeds if plan.seeds != "dev" else f"dev {plan.seed}"
         if seeds in found.setdefault(key, {}):
-            raise BenchmarkError(f"two rows are of {plan.controller}, track {plan.track}, seeds {seeds}")
+            raise BenchmarkError(
+                f"two rows are of {plan.controller}, track {plan.track}, seeds {seeds}; make tables of one each, or "
+                "give the files of the controllers different names"
+            )
         found[key][seeds] = row
     if len(suites) > 1:
         raise BenchmarkError(f"a table has rows of one suite, got {', '.join(sorted(suites))}")
@@ -262,5 +265,6 @@ def shown_number(value: float | None) -> str:
 
 def _notes(line: Line) -> str:
     notes = [] if line.is_complete else ["not complete"]
+    notes += [] if line.seeds == "test" else [f"seeds {line.seeds}"]
     notes += [f"{seeds} {gap:+.3f} against hidden" for seeds, (gap, is_large) in line.gaps.items() if is_large]
     return f" ({', '.join(notes)})" if notes else ""

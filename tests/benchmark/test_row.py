@@ -223,6 +223,16 @@ def test_a_controller_that_always_fails_stops_the_run(tmp_path: Path) -> None:
         run_benchmark(cheats.Raises, tmp_path / "row", parts=["encounters"], scenes=2)
 
 
+def test_a_start_that_failed_leaves_its_folder_to_the_next(tmp_path: Path) -> None:
+    (tmp_path / "half.py").write_text(FILE.replace("0.5", "0.5 +"))
+    arguments: dict[str, Any] = {"parts": ["frontal-approach"], "scenes": 1}
+    with pytest.raises(ControllerError, match="cannot be loaded"):
+        run_benchmark(f"{tmp_path / 'half.py'}:Half", tmp_path / "row", **arguments)
+    (tmp_path / "half.py").write_text(FILE)
+    run_benchmark(f"{tmp_path / 'half.py'}:Half", tmp_path / "row", **arguments)
+    assert verify_row(tmp_path / "row").badges == ("replayed",)
+
+
 def test_wrong_arguments_are_refused(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("mine")
     for arguments, problem in (

@@ -79,7 +79,7 @@ def test_seeds_of_development_are_not_the_test_seed() -> None:
     assert suite.seed_of("dev", seed=7) == 7
     with pytest.raises(ValueError, match="is the test seed"):
         suite.seed_of("dev", seed=suite.test_seed)
-    with pytest.raises(BenchmarkError, match="has no seeds 'tset'; seeds are dev, test, hidden; did you mean 'test'"):
+    with pytest.raises(BenchmarkError, match="has no seeds 'tset'; seeds are dev, test, hidden, 2026q4-trial; did"):
         suite.seed_of("tset")
 
 

@@ -38,6 +38,7 @@ def test_baselines_that_are_there_stay(sonata2d: Run, here: Path) -> None:
     sonata2d(line)
     assert (here / "rows" / "dwa" / "run.json").stat().st_mtime_ns == before
     assert json.loads((here / "rows" / "dwa" / "row.json").read_text())["plan"]["track"] == "lidar"
+    assert "is a row of other seeds; choose another folder" in sonata2d(f"{line} --seeds dev", 2).output
 
 
 def test_a_keeper_makes_and_reveals_a_secret(sonata2d: Run, here: Path) -> None:
