@@ -20,7 +20,7 @@ from typing import Any
 import orjson
 
 from ..agents.controllers.base import Answer, Controller, Stop
-from ..agents.controllers.loading import ControllerSource, split_pair
+from ..agents.controllers.loading import ControllerSource, file_in, split_pair
 from ..agents.sensors.base import Sensor, definition_of, known_to
 from ..agents.sensors.estimates import Odometry
 from ..agents.sensors.lidar import Lidar
@@ -61,7 +61,7 @@ _PRACTICE = (
 
 
 def fixed_work() -> int:
-    """A fixed amount of work, in whose calls the budget of time is counted: 10 000 steps of a congruence."""
+    """Run 10 000 steps of a linear congruential generator: the unit of the budget of time."""
     x = 1
     for _ in range(10_000):
         x = (x * 1103515245 + 12345) & 0x7FFFFFFF
@@ -189,12 +189,18 @@ class Isolated(Controller):
         """Some ticks in scenes of practice without a budget, in which code is compiled; errors are of no interest."""
         self.sensing = None
         for config in _PRACTICE:
+            if self._process is not None and self._process.poll() is not None:
+                return  # it ends in practice; starting it again would not end
             with contextlib.suppress(ControllerError):
                 episode = Episode(generate(config, 1), controller)
                 for _ in range(3):
                     episode.step()
 
     def reset(self, scene: Scene) -> None:
+        if self._process is None or self._process.poll() is not None:  # it ended in an earlier episode
+            sensing = self.sensing
+            self._start()
+            self.sensing = sensing
         sensing = SEES if self._track == "sees" else self.sensing
         self._perception = Perception(scene, sensing)
         shown_scene = self._perception.scene
@@ -203,21 +209,9 @@ class Isolated(Controller):
             shown_scene = known_to(_PARTIAL, shown_scene)
         self.late, self.failure, self._held = [], "", None
         self._last, self._goal = Twist(), scene.goal
-        if self._process is None or self._process.poll() is not None:
-            self._start_again(scene)
         kind, _, _, text = self._ask(("reset", shown_scene), _MOST_SECONDS)
         if kind != READY:
             self._fail(text)
-
-    def _start_again(self, scene: Scene) -> None:
-        """Start the process again, which ended in an earlier episode."""
-        sensing = self.sensing
-        self._start()
-        self.sensing = sensing
-        self.late, self.failure, self._held = [], "", None
-        self._last, self._goal = Twist(), scene.goal
-        self._perception = Perception(scene, SEES if self._track == "sees" else sensing)
-        self._links = self._perception.scene.interactions
 
     def act(self, snapshot: Snapshot) -> Answer:
         if self.failure:
@@ -357,7 +351,7 @@ def files_of(name: str, *, must_exist: bool = True) -> list[Path]:
     """
     files = []
     for part in split_pair(name):
-        place = next((place for place in (part, part.rpartition(":")[0]) if place and os.path.isfile(place)), None)
+        place = file_in(part)
         if place is not None:
             path = Path(place)
             beside = sorted(path.parent.glob(f"{glob.escape(path.stem)}.*")) if path.suffix == ".py" else [path]

@@ -203,6 +203,13 @@ class Raises(Honest):
         return AHEAD
 
 
+class ExitsAtOnce(Honest):
+    """Ends its process in the first tick, also in practice."""
+
+    def act(self, snapshot: s2.Snapshot) -> Answer:
+        os._exit(3)
+
+
 class Exits(Honest):
     """Ends its process."""
 

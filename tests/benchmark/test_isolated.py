@@ -144,6 +144,7 @@ def test_late_answers_hold_the_last_command() -> None:
         ("NotFinite", "the controller failed: the command is not finite"),
         ("Raises", "the controller failed: RuntimeError: no plan"),
         ("Exits", "the controller failed: its process ended"),
+        ("ExitsAtOnce", "the controller failed: its process ended"),
     ],
 )
 def test_a_controller_that_fails_ends_its_scene_only(name: str, reason: str) -> None:

@@ -160,8 +160,8 @@ class ControllerSource:
         if not isinstance(self._controller, str):
             return []
         self._controller = self._with_copies(self._controller)
-        places = (place for part in split_pair(self._controller) for place in (part, part.rpartition(":")[0]))
-        return sorted({os.path.abspath(place) for place in places if place and os.path.isfile(place)})
+        files = map(file_in, split_pair(self._controller))
+        return sorted({os.path.abspath(file) for file in files if file is not None})
 
     def _with_copies(self, name: str) -> str:
         """The name, in which files that this machine lacks, or has with another content, are copies of those sent."""
@@ -186,7 +186,7 @@ class ControllerSource:
                 ) from error
         files = {}
         for part in split_pair(self.name) if isinstance(self._controller, str) else ():
-            place = next((file for file in (part, part.rpartition(":")[0]) if file and os.path.isfile(file)), None)
+            place = file_in(part)
             if place is not None:
                 files[place] = Path(place).read_bytes()
         name = self._controller if isinstance(self._controller, str) else None
@@ -289,6 +289,11 @@ def split_pair(name: str) -> tuple[str, str]:
         return name, ""
     at = next((k for k in reversed(pluses) if _is_file(name[k + 1 :])), pluses[-1])
     return name[:at], name[at + 1 :]
+
+
+def file_in(name: str) -> str | None:
+    """The file that the name of one controller contains, `file` or `file:Class`; None if there is none."""
+    return next((place for place in (name, name.rpartition(":")[0]) if place and os.path.isfile(place)), None)
 
 
 def _is_file(name: str) -> bool:
