@@ -17,7 +17,7 @@ _SUITE = click.option("--suite", default="s2b-1", help="Name of the suite.")
 _TRACK = click.option("--track", default="state", help="What the controller observes: `state`, `sees` or `lidar`.")
 _SEEDS = (
     click.option(
-        "--seeds", default="test", help="`dev`, `test`, `hidden`, or a quarter whose secret is revealed, as `2026q3`."
+        "--seeds", default="test", help="`dev`, `test`, `hidden`, or the name of a quarter that has been revealed."
     ),
     click.option("--seed", type=click.IntRange(1), default=1, help="Seed of the dev scenes."),
     click.option("--secret", type=PATH, metavar="FILE", help="Secret of the hidden seeds."),

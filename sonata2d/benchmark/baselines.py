@@ -29,7 +29,7 @@ class StandStill(Controller):
 
 
 class Racing(StraightToGoal):
-    """Drives straight to the goal at the top speed of the robot, whoever is in the way."""
+    """Drives straight to the goal at the top speed of the robot, without regard to people."""
 
     def reset(self, scene: Scene) -> None:
         self.speed = scene.robot.limits.ahead
@@ -37,7 +37,7 @@ class Racing(StraightToGoal):
 
 
 class Waiting(Controller):
-    """Drives as `social-planner` while nobody who moves is within 3 m, and otherwise stands."""
+    """Drives as `social-planner` while no moving person is within 3 m, and otherwise stands."""
 
     def __init__(self) -> None:
         self._planner = SocialPlanner()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -21,6 +20,7 @@ from ..formats.format import Options
 from ..formats.from_tracks import scenario_from_tracks
 from ..formats.tracks.observations import Track, Tracks
 from ..formats.tracks.reading import read_tracks
+from ..record.files import sha256_of
 from ..scenegen.scenario.config import ScenarioConfig
 
 _CATCHING_UP = 1.0  # 1/s, of the distance from the person's place: a robot starts from rest
@@ -93,7 +93,7 @@ def checked_copy(folder: Path, file: str, sha256: str, source: str) -> Path:
     path = folder / file
     if not path.is_file():
         raise BenchmarkError(f"{path} is missing; get it from {source}")
-    if hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
+    if sha256_of(path) != sha256:
         raise BenchmarkError(f"{path} is another file than the one of the suite; get it from {source}")
     return path
 

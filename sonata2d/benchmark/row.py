@@ -7,14 +7,13 @@ only, such as its duration) and `README.md` (the card, which its authors complet
 
 from __future__ import annotations
 
-import hashlib
 import io
 import re
 import shutil
 import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -33,15 +32,15 @@ from ..core.wording import counted, shown
 from ..datasets.workers.executors import Workers, parallel_map, shared_workers
 from ..datasets.workers.processes import end_if_unguarded
 from ..errors import BenchmarkError, ControllerError
-from ..record.files import write_atomically
+from ..record.files import sha256_of, write_atomically
 from ..record.layout import software_versions
 from ..registry import CONTROLLERS
 from .isolated import Isolated, files_of
 from .rating import SUFFIX
 from .run import RECORDED_PERSON, Past, Run, Runner, Task, tasks_of
 from .scorers import checked_scorers
-from .scoring import SCORES, summary, third_of
-from .suite import TRACKS, Suite, Track, commitment, joint_sha256, load_suite, quarters_of
+from .scoring import FRONT, SCORES, summary, third_of
+from .suite import Suite, Track, commitment, joint_sha256, load_suite, quarters_of, require_track
 
 ROW, EPISODES, COMMANDS, RUN, CARD = "row.json", "episodes.json", "commands.npz", "run.json", "README.md"
 FILES, _PARTS, _PLAN = "controller", ".parts", "plan.json"
@@ -111,8 +110,7 @@ class Plan:
             plan = cls(**given)
         except (KeyError, TypeError, ValueError) as error:
             raise BenchmarkError(f"the row does not say how it was made: {error!r:.200}") from None
-        if plan.track not in TRACKS:
-            raise BenchmarkError(f"there is no track {shown(plan.track)}; tracks are {', '.join(TRACKS)}")
+        require_track(plan.track)
         if loose := [name for name in plan.scorers if name.endswith(SUFFIX) and name not in plan.models]:
             raise BenchmarkError(f"the row does not hold the rating model {loose[0]}")
         return plan
@@ -201,21 +199,21 @@ def run_benchmark(
     place_of = None if recordings is None else str(Path(recordings).absolute())
     chosen, source = load_suite(suite, place_of), ControllerSource(controller)
     chosen.require_versions()
-    if track not in TRACKS:
-        raise BenchmarkError(f"there is no track {shown(track)}; tracks are {', '.join(TRACKS)}")
+    require_track(track)
     models = checked_scorers(scorers)
     if scenes is not None:
         scenes = whole_number("scenes", scenes, 1)
+    drawn = chosen.seed_of(seeds, secret, seed)
     files = files_of(source.name) if isinstance(controller, str) else []
     plan = Plan(
         suite=suite,
         suite_sha256=chosen.sha256,
         track=track,
         seeds=seeds,
-        seed=None if seeds == "hidden" else chosen.seed_of(seeds, seed=seed),
+        seed=None if seeds == "hidden" else drawn,
         commitment=commitment(secret) if seeds == "hidden" and secret is not None else None,
         controller=public_name(source.name),
-        files={path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files},
+        files={path.name: sha256_of(path) for path in files},
         parts=tuple(parts),
         scenes=scenes,
         scorers=tuple(Path(name).name if name.endswith(SUFFIX) else name for name in scorers),
@@ -228,7 +226,6 @@ def run_benchmark(
         (folder / FILES).mkdir(exist_ok=True)
         shutil.copyfile(path, folder / FILES / path.name)
     own_scorers = _scorers_in(folder, plan)
-    drawn = chosen.seed_of(seeds, secret, seed)
     runner = Runner(suite, drawn, plan.controller, track, source, own_scorers, place_of)
     start = time.time()
     runs = _runs(runner, tasks_of(chosen.entries), workers, bar_of(progress), place)
@@ -382,13 +379,10 @@ def _runs(
     runner: Runner, tasks: Sequence[Task], workers: int | Executor | Workers, bar: ProgressBar, place: Path | None
 ) -> list[Run]:
     """The runs of all tasks; of a row that is continued, some from files."""
-    found: dict[int, list[Run]] = {}
-    for k in range(len(tasks) if place is not None else 0):
-        if (runs := _kept(place, k)) is not None:  # type: ignore[arg-type]
-            found[k] = runs
+    found = {} if place is None else _kept_runs(place, len(tasks))
     missing = [k for k in range(len(tasks)) if k not in found]
     total = sum(task.scenes for task in tasks)
-    with bar(total, "scenes") as advance, _closing(runner):
+    with bar(total, "scenes") as advance, closing(runner):
         advance(sum(tasks[k].scenes for k in found))
         results = parallel_map(runner, [tasks[k] for k in missing], workers=workers)
         for k, runs in zip(missing, results, strict=True):
@@ -407,21 +401,18 @@ def _stop_if_useless(name: str, found: dict[int, list[Run]]) -> None:
         ControllerError: it has.
     """
     runs = [run for each in found.values() for run in each]
-    if len({run.entry for run in runs}) >= _ENOUGH and all(run.has_failed for run in runs):
+    if all(run.has_failed for run in runs) and len({run.entry for run in runs}) >= _ENOUGH:
         raise ControllerError(f"{name} failed in all of the first {len(runs)} scenes: {runs[0].reason}")
-
-
-@contextmanager
-def _closing(runner: Runner) -> Any:
-    try:
-        yield
-    finally:
-        runner.close()
 
 
 def _keep(place: Path, k: int, runs: Sequence[Run]) -> None:
     rows = [run._asdict() | {"commands": run.commands.hex()} for run in runs]
     write_atomically(place / f"{k:04d}.json", orjson.dumps(rows))
+
+
+def _kept_runs(place: Path, count: int) -> dict[int, list[Run]]:
+    """The runs of finished tasks by the number of the task, of which there are `count`."""
+    return {k: runs for k in range(count) if (runs := _kept(place, k)) is not None}
 
 
 def _kept(place: Path, k: int) -> list[Run] | None:
@@ -452,9 +443,7 @@ def _check_scenes(suite: Suite, whole: Suite, runs: Sequence[Run], plan: Plan) -
 
 
 def _write(folder: Path, row: dict[str, Any], runs: Sequence[Run], about: dict[str, Any]) -> None:
-    episodes = [
-        {key: value for key, value in run._asdict().items() if key != "commands"} | {"ticks": run.ticks} for run in runs
-    ]
+    episodes = [run.to_json() for run in runs]
     write_atomically(folder / EPISODES, b"[\n" + b",\n".join(map(orjson.dumps, episodes)) + b"\n]\n")
     packed = io.BytesIO()
     commands = np.frombuffer(b"".join(run.commands for run in runs), dtype="<i4").reshape(-1, 3)
@@ -555,7 +544,7 @@ def _file_problems(folder: Path, plan: Plan) -> list[str]:
         path = folder / FILES / Path(name).name
         if not path.is_file():
             problems.append(f"{FILES}/{name} is missing")
-        elif hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
+        elif sha256_of(path) != sha256:
             problems.append(f"{FILES}/{name} is another file than the one that was run")
     return problems
 
@@ -566,8 +555,8 @@ def _differences(stored: Sequence[dict[str, Any]], runs: Sequence[Run]) -> list[
     for each, run in zip(stored, runs, strict=True):
         if (each["entry"], each["episode"]) != (run.entry, run.episode):
             return [f"episode {run.episode} of {run.entry} is not where it belongs"]
-        present = {key: value for key, value in run._asdict().items() if key != "commands"} | {"ticks": run.ticks}
-        wrong = [key for key, value in orjson.loads(orjson.dumps(present)).items() if each.get(key) != value]
+        present = orjson.loads(orjson.dumps(run.to_json()))
+        wrong = [key for key, value in present.items() if each.get(key) != value]
         if wrong:
             problems.append(f"episode {run.episode} of {run.entry}: a replay gives another {', '.join(wrong)}")
     return [*problems[:5], *([f"and {len(problems) - 5} more"] if len(problems) > 5 else [])]
@@ -587,7 +576,7 @@ def _rerun_problems(
     if not others:
         return []
     first, second = row_of(suite, plan, runs)["all"], row_of(suite, plan, again)["all"]
-    for name in ("stl", "safe", "polite"):
+    for name in FRONT:
         group = SCORES[name].group
         found, value = first[group][name], second[group][name]["value"]
         if found["low"] is not None and not found["low"] <= value <= found["high"]:

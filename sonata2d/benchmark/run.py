@@ -56,6 +56,12 @@ class Run(NamedTuple):
     values: dict[str, float | None]
     commands: bytes
 
+    def to_json(self) -> dict[str, Any]:
+        """As rows hold it: the number of ticks in place of the commands, which are in a file of their own."""
+        values = self._asdict() | {"ticks": self.ticks}
+        del values["commands"]
+        return values
+
     @property
     def has_failed(self) -> bool:
         """Whether an error of the controller ended the run."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 
 from ..errors import BenchmarkError, ConfigError
+from ..record.files import sha256_of
 from ..record.record import EpisodeRecord
 from ..registry import SCORERS
 from .rating import SUFFIX, RatingModel
@@ -49,7 +49,7 @@ def checked_scorers(names: Sequence[str]) -> dict[str, str]:
             if not Path(name).is_file():
                 raise BenchmarkError(f"there is no rating model {name}")
             _model(name)
-            files[Path(name).name] = hashlib.sha256(Path(name).read_bytes()).hexdigest()
+            files[Path(name).name] = sha256_of(Path(name))
         else:
             _function(name)
     columns = [column_of(name) for name in names]

@@ -18,6 +18,9 @@ from ..record.record import EpisodeRecord
 
 Group = Literal["task", "safety", "people"]
 Values = Mapping[str, float | None]
+FRONT = ("stl", "safe", "polite")
+"""A score of each group, in which the Pareto front is taken; failed scenes count as 0 in all of them."""
+
 _POLITE_PSC, _MOST_INTRUSION = 0.8, 0.05
 _FAR = 10.0  # s, to which times to collision are cut, so that scenes without an approach count
 _METRICS = {

@@ -62,7 +62,8 @@ class Perception:
         first = snapshot_of(scene)
         is_seen = self._view(first)
         visible = [human.id for k, human in enumerate(scene.humans) if is_seen is None or is_seen[k]]
-        self.scene = _without_intentions(scene, frozenset(visible), first.interactions)
+        links = first.interactions if is_seen is None else _between_seen(scene, is_seen, first.interactions)
+        self.scene = _without_intentions(scene, frozenset(visible), links)
 
     def state(self, snapshot: Snapshot) -> tuple[State, tuple[Interaction, ...]]:
         """State and interactions of a tick, as far as they are seen."""
@@ -127,7 +128,7 @@ def _without_intentions(scene: Scene, visible: frozenset[int], links: tuple[Inte
         family=_NAME,
         humans=people,
         groups=tuple(talking),
-        interactions=tuple(link for link in links if not hidden & {link.src, link.dst}),
+        interactions=links,
         rules=Rules(
             dt=rules.dt, time_limit=rules.time_limit, ends_on=rules.ends_on, guard=rules.guard,
             contact_distance=rules.contact_distance,

@@ -36,6 +36,17 @@ TRACKS: dict[Track, str] = {
 }
 SEES = Sensing(angle=2.0944, distance=10.0, noise=0.05, velocity_noise=0.1)
 
+
+def require_track(track: object) -> None:
+    """Require the name of a track.
+
+    Raises:
+        BenchmarkError: it is none.
+    """
+    if track not in TRACKS:
+        raise BenchmarkError(f"there is no track {shown(track)}; tracks are {', '.join(TRACKS)}")
+
+
 _FIXED, _FACTOR, _LEAST = 5.0, 2.5, 15.0  # s; times the predicted time of the expert; s
 _SECRET_BYTES = 32
 
@@ -208,9 +219,9 @@ class Suite:
             return self.hidden_seed(secret)
         quarters = quarters_of(self.name)
         if seeds not in quarters:
-            hint = did_you_mean(seeds, ["dev", "test", "hidden", *quarters])
-            known = ", ".join(["dev", "test", "hidden", *quarters])
-            raise BenchmarkError(f"{self.name} has no seeds {seeds!r}; seeds are {known}{hint}")
+            known = ["dev", "test", "hidden", *quarters]
+            hint = did_you_mean(seeds, known)
+            raise BenchmarkError(f"{self.name} has no seeds {seeds!r}; seeds are {', '.join(known)}{hint}")
         revealed = quarters[seeds].get("secret")
         if revealed is None:
             raise BenchmarkError(f"the secret of {seeds} is not revealed yet; the keeper runs hidden seeds")

@@ -11,14 +11,12 @@ from typing import Any
 import orjson
 
 from ..errors import BenchmarkError
+from ..metrics.templates import render
 from ..record.files import write_atomically
 from .baselines import BASELINES
 from .row import Plan, public_name, read_row
-from .scoring import SCORES
+from .scoring import FRONT, SCORES
 from .suite import TRACKS, Suite, load_suite
-
-FRONT = ("stl", "safe", "polite")
-"""A score of each group, in which the front is taken; failed scenes count as 0 in all of them."""
 
 _COLUMNS = (
     "success", "stl", "safe", "contact_at_fault", "obstacle_contact", "time_to_collision", "polite", "psc",
@@ -153,15 +151,13 @@ class Table:
 
     def html(self) -> str:
         """The table as a page that needs no other file."""
-        from jinja2 import Environment, PackageLoader
-
-        loader = PackageLoader(__package__, ".")
-        environment = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
-        environment.filters["number"] = shown_number
         groups: dict[str, list[str]] = {}
         for name in _COLUMNS:
             groups.setdefault(SCORES[name].group, []).append(name)
-        return environment.get_template("page.html").render(
+        return render(
+            "page.html",
+            package=str(__package__),
+            number=shown_number,
             suite=self.suite,
             lines=self.lines,
             tracks=TRACKS,
