@@ -215,24 +215,40 @@ def table(rows: tuple[Path, ...], out: Path | None) -> None:
         echo(f"written to {out}")
 
 
-@command.command("rating", epilog=examples("benchmark rating rated -o rating.json"))
+@command.command(
+    "rating",
+    epilog=examples(
+        "benchmark rating rated -o rating.json", "benchmark rating imported -o alt.npz --contexts contexts.json"
+    ),
+)
 @click.argument("folders", nargs=-1, required=True, type=PATH, metavar="DIR...")
-@click.option("out", "-o", "--output", type=PATH, required=True, metavar="FILE.json", help="File of the model.")
+@click.option(
+    "out", "-o", "--output", type=PATH, required=True, metavar="FILE", help="Model (.json) or network (.npz)."
+)
+@click.option("--contexts", type=PATH, metavar="FILE", help="Numbers of contexts, for a network; docs/benchmark.md.")
 @json_option
-def rating(folders: tuple[Path, ...], out: Path) -> None:
-    """Learn a model of people's ratings from rated episodes, for advisory columns (`run --scorer FILE.json`).
+def rating(folders: tuple[Path, ...], out: Path, contexts: Path | None) -> None:
+    """Learn people's ratings from rated episodes, for advisory columns (`run --scorer FILE`).
 
-    The rank correlation is of ratings with predictions for episodes that were left out.
+    FILE.json: a ridge regression on the scores. FILE.npz: a recurrent network, `alt`, which needs PyTorch. The rank
+    correlation is of ratings with predictions for episodes that were left out.
     """
-    from dataclasses import asdict
-
-    from sonata2d.benchmark.rating import fit_rating_model
+    from sonata2d.benchmark import alt, rating
 
     require_new(out)
-    model = fit_rating_model(folders)
+    if out.suffix not in (rating.SUFFIX, alt.SUFFIX):
+        raise click.UsageError(f"a model is written to a {rating.SUFFIX} or {alt.SUFFIX} file, got {out}")
+    if contexts is not None and out.suffix != alt.SUFFIX:
+        raise click.UsageError(f"--contexts is for a network, whose file ends in {alt.SUFFIX}, got {out}")
+    model: Any
+    if out.suffix == alt.SUFFIX:
+        model = alt.fit_alt_model(folders, contexts=contexts)
+    else:
+        model = rating.fit_rating_model(folders)
     model.save(out)
-    people = f"{model.episodes} episodes, {model.raters} raters"
-    show_result(asdict(model), f"{out}: {people}, rank correlation {model.correlation:.2f}: {model.question}")
+    values = {key: getattr(model, key) for key in ("question", "episodes", "raters", "correlation")}
+    people = f"{model.episodes} episodes" + (f", {model.raters} raters" if model.raters else "")
+    show_result(values, f"{out}: {people}, rank correlation {model.correlation:.2f}: {model.question}")
 
 
 @command.command("commit", epilog=examples("benchmark commit secret.txt"))

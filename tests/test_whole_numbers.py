@@ -339,6 +339,7 @@ CASES: dict[str, Callable[[Number], Any]] = {
 
 # Values that sonata2d makes, or passes to methods of subclasses; and numbers between 0 and 1.
 MADE = {
+    "sonata2d.benchmark.AltModel",
     "sonata2d.benchmark.Suite",
     "sonata2d.agents.Costmap",
     "sonata2d.agents.Sensor",

@@ -1,3 +1,4 @@
+from .alt import AltModel as AltModel, fit_alt_model as fit_alt_model
 from .baselines import BASELINES as BASELINES, Baseline as Baseline
 from .isolated import LIDAR_SENSORS as LIDAR_SENSORS
 from .rating import RatingModel as RatingModel, fit_rating_model as fit_rating_model

@@ -19,6 +19,7 @@ from ..datasets.manifest import files_of
 from ..errors import BenchmarkError
 from ..record.files import read_bytes, sha256_of, write_atomically
 from ..record.reader import read_episode
+from ..record.record import EpisodeRecord
 from .scoring import SCORES, Values, values_of
 
 SUFFIX = ".json"
@@ -106,15 +107,50 @@ def fit_rating_model(folders: Sequence[str | Path]) -> RatingModel:
     that are left out, one at a time.
 
     Args:
-        folders: data sets or collections, with ratings in their subfolders.
+        folders: data sets or collections, with ratings in their subfolders, or imported with `socnav3` with labels.
 
     Raises:
         BenchmarkError: there are fewer than 30 rated episodes, their ratings are all equal, or they answer different
             questions or are texts.
         RecordError: an episode or a file of ratings is damaged.
     """
-    ratings, values, raters = [], [], set[str]()
-    specs: list[LabelSpec] = []
+    rated = rated_episodes(folders, fewest=_FEWEST, model="a rating model")
+    values = [values_of(read_episode(file), None) for file in rated.files]
+    return _fitted(values, np.array(rated.ratings), rated.question, rated.raters)
+
+
+@dataclass(frozen=True, slots=True)
+class Rated:
+    """Rated episodes.
+
+    Attributes:
+        question: that raters answered.
+        raters: number of them; 0 if the files hold the ratings.
+        files: of the episodes.
+        ratings: mean rating of each, 0 to 1.
+    """
+
+    question: str
+    raters: int
+    files: list[Path]
+    ratings: list[float]
+
+
+def rated_episodes(folders: Sequence[str | Path], *, fewest: int, model: str) -> Rated:
+    """The episodes of folders that have ratings; of a folder without ratings those with a label from 0 to 1.
+
+    Files of SocNav3 and SocNavData2026 have such labels, which `socnav3` imports.
+
+    Args:
+        folders: data sets or collections.
+        fewest: least number of episodes.
+        model: what needs them.
+
+    Raises:
+        BenchmarkError: there are fewer, their ratings are all equal, or they answer different questions or are texts.
+        RecordError: an episode or a file of ratings is damaged.
+    """
+    files, ratings, raters, specs = list[Path](), list[float](), set[str](), list[LabelSpec]()
     for folder in map(Path, folders):
         given = ratings_of(folder)
         specs += [spec for spec in questions(given) if spec not in specs]
@@ -122,18 +158,31 @@ def fit_rating_model(folders: Sequence[str | Path]) -> RatingModel:
         for rating in given:
             by_hash.setdefault(rating.sha256, []).append(_position(rating))
             raters.add(rating.rater)
-        for file in files_of(folder) if by_hash else ():
-            if own := by_hash.get(sha256_of(file)):
+        for file in files_of(folder):
+            own = by_hash.get(sha256_of(file), []) if given else _label(read_episode(file))
+            if own:
+                files.append(file)
                 ratings.append(sum(own) / len(own))
-                values.append(values_of(read_episode(file), None))
+                if not given and _LABEL not in specs:
+                    specs.append(_LABEL)
     if len(specs) > 1:
         raise BenchmarkError(f"the ratings answer {counted(len(specs), 'question')}; give folders with one")
-    if len(ratings) < _FEWEST:
-        raise BenchmarkError(f"a rating model needs {_FEWEST} rated episodes or more, got {len(ratings)}")
-    target = np.array(ratings)
-    if np.ptp(target) == 0.0:
+    if len(ratings) < fewest:
+        raise BenchmarkError(f"{model} needs {fewest} rated episodes or more, got {len(ratings)}")
+    if min(ratings) == max(ratings):
         raise BenchmarkError("all episodes have the same rating; there is nothing to learn")
-    return _fitted(values, target, specs[0].question or specs[0].name, len(raters))
+    return Rated(specs[0].question or specs[0].name, len(raters), files, ratings)
+
+
+_LABEL = LabelSpec("slider", question="label of the imported episodes")
+
+
+def _label(record: EpisodeRecord) -> list[float]:
+    """The label of an imported episode, if it is a number from 0 to 1."""
+    label = record.label
+    is_number = isinstance(label, int | float) and not isinstance(label, bool)
+    is_rating = is_number and record.document.get("imported") is not None
+    return [float(label)] if is_rating and 0.0 <= label <= 1.0 else []
 
 
 def _fitted(values: Sequence[Mapping[str, float | None]], target: Array, question: str, raters: int) -> RatingModel:
@@ -153,7 +202,7 @@ def _fitted(values: Sequence[Mapping[str, float | None]], target: Array, questio
         question=question,
         episodes=len(target),
         raters=raters,
-        correlation=round(_spearman(left_out[best], target), 3),
+        correlation=round(rank_correlation(left_out[best], target), 3),
         features=tuple(names),
         mean=tuple(mean.round(9).tolist()),
         scale=tuple(scale.round(9).tolist()),
@@ -176,8 +225,8 @@ def _left_out(features: Array, target: Array, penalty: float) -> Array:
     return np.asarray(target - residual / np.maximum(1.0 - np.diag(hat), 1e-9))
 
 
-def _spearman(first: Array, second: Array) -> float:
-    """Rank correlation; equal values have the mean of their ranks."""
+def rank_correlation(first: Array, second: Array) -> float:
+    """Spearman's rank correlation; equal values have the mean of their ranks."""
     ranks = []
     for values in (first, second):
         _, index, counts = np.unique(values, return_inverse=True, return_counts=True)

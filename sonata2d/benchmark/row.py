@@ -31,14 +31,13 @@ from ..core.notebook import ProgressBar, bar_of
 from ..core.wording import counted, shown
 from ..datasets.workers.executors import Workers, parallel_map, shared_workers
 from ..datasets.workers.processes import end_if_unguarded
-from ..errors import BenchmarkError, ControllerError
+from ..errors import BenchmarkError, ConfigError, ControllerError
 from ..record.files import sha256_of, write_atomically
 from ..record.layout import software_versions
 from ..registry import CONTROLLERS
 from .isolated import Isolated, files_of
-from .rating import SUFFIX
 from .run import RECORDED_PERSON, Past, Run, Runner, Task, tasks_of
-from .scorers import checked_scorers
+from .scorers import MODELS, checked_scorers
 from .scoring import FRONT, SCORES, summary, third_of
 from .suite import Suite, Track, commitment, joint_sha256, load_suite, quarters_of, require_track
 
@@ -66,7 +65,7 @@ class Plan:
         files: hashes of its files by name.
         parts: names of parts or entries; empty: the whole suite.
         scenes: largest number of scenes of each entry; None: all.
-        scorers: names of learned scores, and of the files of rating models.
+        scorers: names of learned scores, and of the files of models.
         models: hashes of these files by name.
     """
 
@@ -111,8 +110,8 @@ class Plan:
         except (KeyError, TypeError, ValueError) as error:
             raise BenchmarkError(f"the row does not say how it was made: {error!r:.200}") from None
         require_track(plan.track)
-        if loose := [name for name in plan.scorers if name.endswith(SUFFIX) and name not in plan.models]:
-            raise BenchmarkError(f"the row does not hold the rating model {loose[0]}")
+        if loose := [name for name in plan.scorers if name.endswith(MODELS) and name not in plan.models]:
+            raise BenchmarkError(f"the row does not hold the model {loose[0]}")
         return plan
 
 
@@ -180,7 +179,7 @@ def run_benchmark(
         secret: of `hidden`.
         parts: names of parts or entries, for trials; empty: all.
         scenes: largest number of scenes of each entry, for trials; None: all.
-        scorers: names of learned scores, or paths of rating models, whose columns are advisory.
+        scorers: names of learned scores, or paths of models, whose columns are advisory.
         recordings: folder with the recordings of a suite that needs some.
         workers: number of processes; or an executor, or workers that several calls share, see `sonata2d.Workers`.
         progress: as of `sonata2d.evaluate`.
@@ -205,6 +204,10 @@ def run_benchmark(
         scenes = whole_number("scenes", scenes, 1)
     drawn = chosen.seed_of(seeds, secret, seed)
     files = files_of(source.name) if isinstance(controller, str) else []
+    if shared := models.keys() & {path.name for path in files}:
+        raise ConfigError(
+            f"a file of the controller and one of a learned score are both named {min(shared)}; rename one"
+        )
     plan = Plan(
         suite=suite,
         suite_sha256=chosen.sha256,
@@ -216,13 +219,13 @@ def run_benchmark(
         files={path.name: sha256_of(path) for path in files},
         parts=tuple(parts),
         scenes=scenes,
-        scorers=tuple(Path(name).name if name.endswith(SUFFIX) else name for name in scorers),
+        scorers=tuple(Path(name).name if name.endswith(MODELS) else name for name in scorers),
         models=models,
     )
     chosen = chosen.chosen(plan.parts, plan.scenes)
     folder = Path(out)
     place = _begun(folder, plan)
-    for path in (*files, *(Path(name) for name in scorers if name.endswith(SUFFIX))):
+    for path in (*files, *(Path(name) for name in scorers if name.endswith(MODELS))):
         (folder / FILES).mkdir(exist_ok=True)
         shutil.copyfile(path, folder / FILES / path.name)
     own_scorers = _scorers_in(folder, plan)
@@ -345,7 +348,7 @@ def _name_in(folder: Path, plan: Plan) -> str:
 
 
 def _scorers_in(folder: Path, plan: Plan) -> tuple[str, ...]:
-    """The learned scores of a row, with the files of rating models in the row."""
+    """The learned scores of a row, with the files of models in the row."""
     place = (folder / FILES).absolute()
     return tuple(str(place / name) if name in plan.models else name for name in plan.scorers)
 

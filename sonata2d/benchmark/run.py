@@ -107,7 +107,7 @@ class Runner:
         name: of the controller, in the episodes.
         track: what the controller observes.
         source: of the controller; None: commands are replayed.
-        scorers: names of learned scores, or paths of rating models.
+        scorers: names of learned scores, or paths of models.
         recordings: folder with the recordings of the suite.
     """
 

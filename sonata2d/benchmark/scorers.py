@@ -1,4 +1,4 @@
-"""Learned scores of episodes, whose columns are advisory: functions of plug-ins, and rating models in files."""
+"""Learned scores of episodes, whose columns are advisory: functions of plug-ins, and models in files."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from ..errors import BenchmarkError, ConfigError
 from ..record.files import sha256_of
 from ..record.record import EpisodeRecord
 from ..registry import SCORERS
-from .rating import SUFFIX, RatingModel
+from . import alt, rating
 from .scoring import Values
 
+MODELS = (rating.SUFFIX, alt.SUFFIX)  # endings of the files of models
 LEARNED = "learned."  # beginning of the names of learned scores among the values of a scene
 
 
@@ -20,20 +21,22 @@ def learned_score(name: str, record: EpisodeRecord, values: Values) -> float | N
     """A learned score of an episode.
 
     Args:
-        name: of a registered scorer, or the path of a rating model.
+        name: of a registered scorer, or the path of a model.
         record: the episode.
         values: of the scene.
 
     Raises:
         ConfigError: the name is unknown, or the plug-in is no function.
-        BenchmarkError: the file is no rating model.
+        BenchmarkError: the file is no model.
     """
-    return _model(name)(values) if name.endswith(SUFFIX) else _function(name)(record)
+    if name.endswith(rating.SUFFIX):
+        return _rating_model(name)(values)
+    return _alt_model(name)(record) if name.endswith(alt.SUFFIX) else _function(name)(record)
 
 
 def column_of(name: str) -> str:
     """The name of the column of a learned score: its own, or the name of the file without its ending."""
-    return Path(name).stem if name.endswith(SUFFIX) else name
+    return Path(name).stem if name.endswith(MODELS) else name
 
 
 def checked_scorers(names: Sequence[str]) -> dict[str, str]:
@@ -41,14 +44,14 @@ def checked_scorers(names: Sequence[str]) -> dict[str, str]:
 
     Raises:
         ConfigError: a name is unknown, or two columns have the same name.
-        BenchmarkError: a file is missing, or no rating model.
+        BenchmarkError: a file is missing, or no model.
     """
     files = {}
     for name in names:
-        if name.endswith(SUFFIX):
+        if name.endswith(MODELS):
             if not Path(name).is_file():
-                raise BenchmarkError(f"there is no rating model {name}")
-            _model(name)
+                raise BenchmarkError(f"there is no model {name}")
+            _rating_model(name) if name.endswith(rating.SUFFIX) else _alt_model(name)
             files[Path(name).name] = sha256_of(Path(name))
         else:
             _function(name)
@@ -60,8 +63,13 @@ def checked_scorers(names: Sequence[str]) -> dict[str, str]:
 
 
 @cache
-def _model(path: str) -> RatingModel:
-    return RatingModel.load(path)
+def _rating_model(path: str) -> rating.RatingModel:
+    return rating.RatingModel.load(path)
+
+
+@cache
+def _alt_model(path: str) -> alt.AltModel:
+    return alt.AltModel.load(path)
 
 
 def _function(name: str) -> Callable[[EpisodeRecord], float | None]:

@@ -14,7 +14,7 @@ from sonata2d.benchmark.rating import RatingModel
 from sonata2d.benchmark.scoring import SCORES, values_of
 from sonata2d.collect.rating import Rating, append_rating, path_for
 from sonata2d.core.labels import LabelSpec
-from sonata2d.errors import BenchmarkError
+from sonata2d.errors import BenchmarkError, RecordError
 from sonata2d.record.files import sha256_of
 
 SPEC = LabelSpec("slider", question="How polite was the robot?")
@@ -75,10 +75,12 @@ def test_a_row_keeps_the_model_of_its_advisory_column(tmp_path: Path) -> None:
 
 
 def test_ratings_that_teach_nothing_are_refused(tmp_path: Path, rated: Path) -> None:
-    with pytest.raises(BenchmarkError, match="needs 30 rated episodes or more, got 0"):
+    with pytest.raises(RecordError, match="holds no episode files"):
         fit_rating_model([tmp_path])
     config = s2.load_scenario("empty")
     dataset = s2.generate_dataset(tmp_path / "runs", config, "straight-to-goal", episodes=1, progress=False)
+    with pytest.raises(BenchmarkError, match="needs 30 rated episodes or more, got 0"):
+        fit_rating_model([tmp_path / "runs"])
     _rate(tmp_path / "runs", "a", LabelSpec("text"), "good", dataset.files[0])  # type: ignore[arg-type]
     with pytest.raises(BenchmarkError, match="of the kind text are no numbers"):
         fit_rating_model([tmp_path / "runs"])

@@ -189,7 +189,7 @@ def _with_plan(row: Path, folder: Path, **changes: Any) -> Path:
     ],
 )  # fmt: skip
 def test_a_row_names_no_files_of_others(row: Path, tmp_path: Path, changes: dict[str, Any]) -> None:
-    with pytest.raises(BenchmarkError, match=r"does not say how it was made|no track|does not hold the rating model"):
+    with pytest.raises(BenchmarkError, match=r"does not say how it was made|no track|does not hold the model"):
         verify_row(_with_plan(row, tmp_path / "row", **changes))
 
 
