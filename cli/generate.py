@@ -48,6 +48,11 @@ from .workers import WorkerOptions, workers_options
     metavar="N",
     help="Write shards of N episodes, tar files in the layout of WebDataset.  [default: a file for each episode]",
 )
+@click.option(
+    "--tables/--no-tables",
+    default=None,
+    help="Write tables of episodes and frames for Hugging Face datasets.  [default: if pyarrow is installed]",
+)
 @click.option("--resume", is_flag=True, help="Continue an interrupted data set.")
 @click.option("--overwrite", is_flag=True, help="Replace the data set in OUT; other files stay.")
 @compress_option

@@ -5,6 +5,7 @@ from .check.verification import verify as verify
 from .generate.run import generate_dataset as generate_dataset
 from .manifest.names import CROISSANT as CROISSANT, MANIFEST as MANIFEST, METRICS as METRICS
 from .manifest.rows import files_of as files_of, read_manifest as read_manifest
+from .tables import write_tables as write_tables
 from .transforms.merge import merge_datasets as merge_datasets
 from .transforms.mirror import (
     mirror_dataset as mirror_dataset,

@@ -63,6 +63,7 @@ def _json(tree: JsonDict, key: str) -> str | None:
 
 def _frames(record: EpisodeRecord, name: str, frames: list[JsonDict]) -> dict[str, Any]:
     robot = {f"robot_{key}": record.states.robot[:, k] for k, key in enumerate(ROBOT_NAMES)}
+    goal = {f"goal_{key}": record.goals[:, k] for k, key in enumerate(("x", "y", "theta"))}
     twists = {
         f"{kind}_{key}": [frame[kind][k] if kind in frame else None for frame in frames]
         for kind in ("command", "executed")
@@ -73,6 +74,7 @@ def _frames(record: EpisodeRecord, name: str, frames: list[JsonDict]) -> dict[st
         "tick": record.states.tick,
         "time": record.states.time,
         **robot,
+        **goal,
         **twists,
         "guarded": [frame.get("guarded") for frame in frames],
         **{key: [_json(frame, key) for frame in frames] for key in JSON_KEYS},

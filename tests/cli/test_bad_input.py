@@ -184,6 +184,7 @@ def test_overwrite_replaces_a_data_set_and_nothing_else(sonata2d: Run, here: Pat
     assert "--overwrite" in output
     sonata2d(f"{line} --episodes 1 --seed 2 --overwrite")
     names = {"000000.json", "manifest.json", "scenario.json", "README.md", "run.jsonl", "notes.txt"}
+    names |= {"episodes-00000.parquet", "frames-00000.parquet"}
     assert {path.name for path in (here / "out").iterdir()} == names
     sonata2d("check out")
     (here / "thesis").mkdir()

@@ -33,6 +33,8 @@ def test_generate_writes_a_data_set_and_prints_the_next_command(sonata2d: Run, h
         "000000.json",
         "000001.json",
         "000002.json",
+        "episodes-00000.parquet",
+        "frames-00000.parquet",
         "manifest.json",
         "scenario.json",
         "README.md",

@@ -222,7 +222,7 @@ def test_data_sets_are_transformed_into_a_store(store: str, local: dict[int | No
         result = export_to(f"{store}/both{size}", "npz", f"{store}/arrays{size}")
         assert len(result.files) == len(file_names(location(f"{store}/arrays{size}"))) == 14
     result = export_to(local[SHARD], "parquet", f"{store}/tables", shard_size=SHARD)
-    assert len(result.files) == 3 * 4 + 1
+    assert len(result.files) == 3 * 2 + 1
     assert len(import_from(f"{store}/tables", "parquet", f"{store}/back").files) == 7
     with pytest.raises(RecordError, match="already exists and is not empty"):
         mirror_dataset(local[None], f"{store}/mirroredNone")

@@ -119,18 +119,19 @@ def test_tables_join_in_pandas_and_polars(folder: Path, records: list[EpisodeRec
     pl = pytest.importorskip("polars", reason="polars is not installed")
     export_to(folder, "parquet", tmp_path)
     rows = sum(int(record.states.present.sum()) for record in records)
-    tables = {name: pd.read_parquet(tmp_path / f"{name}.parquet") for name in parquet.TABLES}
-    joined = tables["agents"].merge(tables["frames"], on=["episode_id", "tick"], suffixes=("", "_frame"))
-    assert len(joined.merge(tables["episodes"], on="episode_id")) == rows
-    interactions = tables["interactions"].merge(
-        tables["agents"], left_on=["episode_id", "tick", "src"], right_on=["episode_id", "tick", "human_id"]
-    )
-    assert len(interactions) == len(tables["interactions"]) > 0
-    frames = pl.read_parquet(tmp_path / "frames.parquet")
-    agents = pl.read_parquet(tmp_path / "agents.parquet")
-    assert agents.join(frames, on=["episode_id", "tick"]).height == rows
-    frame = joined[(joined.episode_id == "000004") & (joined.tick == 7)]
-    assert frame[["x", "y", "head"]].to_numpy().tolist() == records[4].states.humans[7][:, [0, 1, 6]].tolist()
+    episodes, frames = (pd.read_parquet(tmp_path / f"{name}.parquet") for name in parquet.TABLES)
+    joined = frames.merge(episodes, on="episode_id", suffixes=("", "_of_episode"))
+    assert len(joined) == sum(len(record) + 1 for record in records)
+    people = pl.read_parquet(tmp_path / "frames.parquet").explode("humans").unnest("humans")
+    assert people.drop_nulls("id").height == rows
+    interactions = pl.read_parquet(tmp_path / "frames.parquet").explode("interactions").unnest("interactions")
+    interactions = interactions.drop_nulls("src").select("episode_id", "tick", "src", "relation")
+    both = interactions.join(people, left_on=["episode_id", "tick", "src"], right_on=["episode_id", "tick", "id"])
+    assert both.height == interactions.height > 0
+    frame = people.filter((pl.col("episode_id") == "000004") & (pl.col("tick") == 7))
+    assert frame.select("x", "y", "head").to_numpy().tolist() == records[4].states.humans[7][:, [0, 1, 6]].tolist()
+    robot = frame.select("robot_x", "goal_x", "goal_theta").row(0)
+    assert robot == (records[4].robot[7, 0], *records[4].goals[7, [0, 2]])
 
 
 def test_tables_load_as_a_hugging_face_data_set(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -143,19 +144,26 @@ def test_tables_load_as_a_hugging_face_data_set(folder: Path, tmp_path: Path, mo
     assert loaded["train"].num_rows == 20
 
 
-def test_a_table_without_rows_has_no_row_group(tmp_path: Path) -> None:
-    """`datasets.load_dataset` refuses an empty row group: "BatchSize must be greater than 0"."""
+def test_frames_without_people_have_empty_lists(tmp_path: Path) -> None:
     pq = pytest.importorskip("pyarrow.parquet")
     generate_dataset(tmp_path / "runs", "empty", "straight-to-goal", episodes=2, seed=1)
     export_to(tmp_path / "runs", "parquet", tmp_path / "tables")
-    names = ("frames", "agents", "interactions")
-    tables = {name: pq.ParquetFile(tmp_path / f"tables/{name}.parquet") for name in names}
-    assert tables["frames"].num_row_groups == 1
-    for name in names[1:]:
-        assert (tables[name].num_row_groups, tables[name].read().num_rows) == (0, 0)
-        assert "episode_id" in tables[name].schema_arrow.names
+    frames = pq.ParquetFile(tmp_path / "tables/frames.parquet")
+    assert frames.num_row_groups == 1
+    rows = frames.read(columns=["humans", "interactions"]).to_pylist()
+    assert rows == [{"humans": [], "interactions": []}] * len(rows)
     configs = re.findall("config_name: (.*)", (tmp_path / "tables/README.md").read_text())
-    assert configs == ["episodes", "frames"]  # `datasets` loads no table without rows
+    assert configs == ["frames", "episodes"]
+
+
+def test_tables_replace_those_of_older_versions(folder: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow", reason=NEEDS_PYARROW)
+    older = Path(__file__).parent.parent / "archive" / "0.3.0" / "exports" / "parquet"
+    shutil.copytree(older, tmp_path / "tables")
+    export_to(folder, "parquet", tmp_path / "tables")
+    assert sorted(path.name for path in (tmp_path / "tables").iterdir()) == [
+        "README.md", "episodes.parquet", "frames.parquet"
+    ]  # fmt: skip
 
 
 def test_missing_pyarrow_names_the_package_to_install(

@@ -10,6 +10,7 @@ from typing import Any
 from ...record.layout import JsonDict
 from ..manifest.names import SCENARIO
 from ..summaries import totals_of
+from ..tables import table_name
 from .markdown import cell, code, code_block, inline
 
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
@@ -57,6 +58,9 @@ def card_text(manifest: JsonDict, licence: str | None = None) -> str:
         frames=totals.frames,
         contacts=totals.contacts,
         excess=totals.excess,
+        tables={part: f"{table_name(part)}-" if manifest["split"] else "" for part in manifest["split"] or ("train",)}
+        if manifest["complete"] and not manifest.get("shard")
+        else {},
     )
     return text
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import warnings
+from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,8 @@ from ...record.shard_file import is_shard
 from ..manifest.names import CARD, CROISSANT, MANIFEST, SCENARIO
 from ..manifest.rows import listing, read_manifest, warn_if_incomplete
 from ..manifest.write import json_bytes, write_json
+from ..tables import has_pyarrow, write_tables
+from ..workers.executors import Workers
 from .croissant import Publication, croissant_metadata, stored_publication
 from .text import card_text, default_licence
 
@@ -69,10 +72,11 @@ def write_card(
     creator: str | None = None,
     organisation: bool | None = None,
     url: str | None = None,
+    workers: int | Executor | Workers = 1,
 ) -> Path:
-    """Write the card of a data set, and Croissant metadata beside it.
+    """Write the card of a data set, Croissant metadata beside it, and tables if pyarrow is installed.
 
-    A card that was edited is replaced as well.
+    A card that was edited is replaced as well. The tables are those of `write_tables`.
 
     Args:
         folder: folder of the data set.
@@ -83,6 +87,7 @@ def write_card(
         creator: name of the person or organisation that made the data set.
         organisation: whether the creator is an organisation; by default, a stated creator is a person.
         url: page of the data set.
+        workers: which write the tables; number of processes, or an executor, or workers that several calls share.
 
     Returns:
         The path of the card.
@@ -90,6 +95,9 @@ def write_card(
     Raises:
         ConfigError: the licence, the date, the version or the address does not have its form.
         RecordError: the folder is not a data set.
+
+    Warns:
+        DatasetWarning: the tables cannot be written, since an episode or the split is damaged.
     """
     folder = location(folder)
     _require_no_shard(folder)
@@ -105,6 +113,11 @@ def write_card(
     stated = {name: value for name, value in statements.items() if value is not None}
     _write_metadata(folder, manifest, read_stored(folder / MANIFEST), replace(stored, licence=chosen, **stated))
     _write_text(folder, card_text(manifest, chosen))
+    if has_pyarrow() and manifest["complete"]:
+        try:
+            write_tables(folder, workers=workers)
+        except RecordError as error:  # the card is there; a damaged episode or split is no reason to lose it
+            warnings.warn(f"the tables of {folder} were not written: {error}", DatasetWarning, stacklevel=2)
     return folder / CARD
 
 

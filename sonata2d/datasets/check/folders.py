@@ -14,8 +14,19 @@ from ...record.layout import JsonDict
 from ...record.shard_file import SHARD_SUFFIX, shard_manifest_path
 from ..card.croissant import croissant_findings
 from ..card.write import count_differences
-from ..manifest.names import CARD, CROISSANT, LOG, MANIFEST, METRICS, PART, SCENARIO, episode_number, shard_number
+from ..manifest.names import (
+    CARD,
+    CROISSANT,
+    LOG,
+    MANIFEST,
+    METRICS,
+    PART,
+    SCENARIO,
+    episode_number,
+    shard_number,
+)
 from ..manifest.rows import listing, unlisted_episodes
+from ..tables import has_pyarrow, tables_are_stale
 from .episodes import Problem
 from .plausibility import Finding
 
@@ -27,6 +38,9 @@ def folder_problems(folder: Path, manifest: JsonDict) -> Iterator[Problem]:
         yield Problem(CARD, "file", "is missing; write it with `sonata2d card`", is_warning=True)
     for difference in count_differences(folder, manifest) if manifest["complete"] else ():
         yield Problem(CARD, "counts", f"{difference}; write it again with `sonata2d card`")
+    if manifest["complete"] and has_pyarrow() and tables_are_stale(folder, manifest):
+        message = "do not hold the present episodes; write them again with `sonata2d card`"
+        yield Problem("frames-*.parquet", "tables", message, is_warning=True)
     yield from (Problem(CROISSANT, *finding) for finding in croissant_findings(folder))
 
 

@@ -37,6 +37,7 @@ from ..manifest.read import read_document
 from ..manifest.rows import with_rows
 from ..manifest.write import sum_of, write_json
 from ..summaries import commands_warning
+from ..tables import has_pyarrow, pyarrow, write_tables
 from ..workers.executors import Workers, shared_workers
 from ..workers.processes import end_if_unguarded
 from ..workers.tasks import Call, RaisedInWorker
@@ -64,6 +65,7 @@ def generate_dataset(
     suffix: str = ".json",
     keep: str | Sequence[str] = (),
     shard_size: int | None = None,
+    tables: bool | None = None,
     progress: bool | ProgressBar | None = None,
     advance: Advance | None = None,
 ) -> Dataset:
@@ -87,6 +89,8 @@ def generate_dataset(
             of these outcomes; the manifest counts the others by outcome.
         shard_size: number of episodes in each shard, a tar file that also WebDataset reads; for data sets of more than
             about 100 000 episodes. None: a file for each episode.
+        tables: whether to write tables of the episodes and frames, which Hugging Face `datasets` reads, see
+            `sonata2d.datasets.write_tables`; None: if pyarrow is installed.
         progress: whether to show a progress bar; None: in a notebook. Or a function of the number of episodes and the
             word `episodes` that returns a context manager, which gives a callback as `advance`.
         advance: in place of `progress`: called with the number of newly kept episodes.
@@ -96,7 +100,7 @@ def generate_dataset(
 
     Raises:
         RecordError: the folder cannot be used or written, it holds a data set with other settings, a file of it was
-            removed meanwhile, or fewer than 1 in 50 episodes is kept.
+            removed meanwhile, fewer than 1 in 50 episodes is kept, or `tables` needs pyarrow.
         ControllerError: the controller cannot be created, or an error ended an episode; finished episodes stay.
         WorkerError: a worker crashed, was killed, or has other software; finished episodes stay.
         SceneError: a scene cannot be generated; finished episodes stay.
@@ -116,6 +120,10 @@ def generate_dataset(
     config = scenario_of(scenario)
     episodes, seed = whole_number("episodes", episodes, 1), whole_number("seed", seed)
     pool = shared_workers(workers)
+    if tables is None:
+        tables = has_pyarrow()
+    elif tables:
+        pyarrow()
     if suffix not in SUFFIXES:
         raise ValueError(f"suffix must be one of {', '.join(SUFFIXES)}, got {shown(suffix)}")
     if shard_size is not None:
@@ -136,6 +144,9 @@ def generate_dataset(
         for fault in faults:
             logger.warning("%s; it is generated again", fault)
         manifest = run.completed(Progress(spec, batches), split)
+        if tables:
+            with bar_of(progress)(episodes, "episodes in tables") as advance_tables:
+                write_tables(out, workers=run_workers, advance=advance_tables)
     warning = None if is_built_in(loaded) else commands_warning(manifest["files"], name)
     if warning is not None:
         warnings.warn(warning, ControllerWarning, stacklevel=2)

@@ -35,6 +35,7 @@ from ..manifest.names import (
 )
 from ..manifest.rows import listing, read_manifest
 from ..manifest.write import counts_of, write_json
+from ..tables import remove_tables
 from .specification import DatasetSpec, identity_of, manifest_of
 
 _MAXIMUM_DIFFERENCES = 5  # number of keys named in a message
@@ -174,6 +175,7 @@ def _remove_dataset(folder: Path) -> None:
         for path in (*(folder / name for name in (*written, *generated)), *parts_in(folder)):
             path.unlink(missing_ok=True)
         remove_failed_episodes(folder)
+        remove_tables(folder)
         (folder / MANIFEST).unlink()
     except OSError as error:
         raise RecordError(f"{folder} cannot be overwritten: {error.strerror or error}") from error

@@ -21,6 +21,7 @@ from ..manifest.read import DATASET_FORMAT, DATASET_VERSION, SHARDED_VERSION
 from ..manifest.rows import read_listed_file, read_shard, read_stored_manifest, with_rows
 from ..manifest.write import COUNTED, counts_of
 from ..shards import write_shard
+from ..tables import write_tables_as
 from .new_folder import new_folder
 
 _EQUAL_KEYS = ("physics", "precision")  # manifest keys that must be equal in all sources
@@ -68,6 +69,7 @@ def merge_datasets(folders: Sequence[str | Path], out: str | Path, *, advance: A
         merged = _merged_manifest(work, manifests[0], rows, sources, size)
         licences = {licence_of(path) for path in paths}
         write_manifest_and_card(work, merged, licence=licences.pop() if len(licences) == 1 else "other")
+        write_tables_as(work, paths)
     return read_stored_manifest(location(out))
 
 

@@ -40,6 +40,7 @@ from ..manifest.rows import (
     with_rows,
 )
 from ..shards import write_shard
+from ..tables import write_tables_as
 from ..workers.executors import Workers, parallel_map, shared_workers
 from ..workers.processes import end_if_unguarded
 from ..workers.tasks import stop_if_over, stop_if_unwanted
@@ -136,6 +137,7 @@ def mirror_dataset(
         if (folder / SCENARIO).is_file():
             write_atomically(work / SCENARIO, read_stored(folder / SCENARIO))
         write_manifest_and_card(work, with_rows(image, work), licence=licence_of(folder))
+        write_tables_as(work, [folder], pool)
     return read_stored_manifest(out)
 
 

@@ -20,6 +20,7 @@ from ...record.record import EpisodeRecord
 from ..card.write import write_manifest_and_card
 from ..manifest.rows import ShardRows, read_listed_file, read_shard, read_stored_manifest, warn_if_incomplete
 from ..shards import write_shard_manifest
+from ..tables import write_tables_as
 from ..workers.executors import Workers, parallel_map, shared_workers
 from .mirror import mirrored
 
@@ -84,6 +85,7 @@ def split_dataset(
     if isinstance(rows, ShardRows):
         _write_to_shards(folder, rows, split)
     write_manifest_and_card(folder, manifest | {"split": split})
+    write_tables_as(folder, [folder], workers)
     return split
 
 
