@@ -54,14 +54,14 @@ def _types(ctx: click.Context, _: click.Parameter, values: tuple[str, ...]) -> d
     default=0,
     metavar="N",
     show_default=True,
-    help="Formats sonata, socnav3: of several robots, the number of the one to export; 0 is the first.",
+    help="Formats sonata, socnav3, lerobot: of several robots, the number of the one to export; 0 is the first.",
 )
 @click.option(
     "--robots-as",
     type=click.Choice(["people", "objects"]),
     default="people",
     show_default=True,
-    help="Formats sonata, socnav3: what the other robots are.",
+    help="Formats sonata, socnav3, lerobot: what the other robots are.",
 )
 @click.option(
     "--shard-size",
@@ -72,7 +72,7 @@ def _types(ctx: click.Context, _: click.Parameter, values: tuple[str, ...]) -> d
 @click.option(
     "--questions", type=click.IntRange(1), metavar="N", help="Format chat: lines of each episode.  [default: 20]"
 )
-@click.option("--pictures", is_flag=True, help="Format chat: a picture of the moment with each question.")
+@click.option("--pictures", is_flag=True, help="Format chat: a picture with each question; lerobot: a film.")
 @workers_options
 @json_option
 def command(

@@ -254,6 +254,7 @@ FORMATS = Registry(
         "npz": "sonata2d.formats.npz:FORMAT",
         "chat": "sonata2d.formats.chat.export:FORMAT",
         "parquet": "sonata2d.formats.parquet:FORMAT",
+        "lerobot": "sonata2d.formats.lerobot:FORMAT",
     },
     RecordError,
 )

@@ -179,7 +179,7 @@ def export_to(
         files, is_single = episodes_in(place), file_exists(place) and not is_shard(place)
     chosen = format_named(format)
     _require_supported(format, options)
-    if shard_size is not None and chosen.tables is None:
+    if shard_size is not None and (chosen.tables is None or not chosen.tables.is_divisible):
         raise RecordError(f"the format {format} has no shards; leave out the size of shards")
     if chosen.tables is None and chosen.export is None:
         raise RecordError(f"{format} files can only be imported")
@@ -240,7 +240,7 @@ class _Transfer:
         tables = _tables(self.name)
 
         def packed() -> Iterator[Any]:
-            pack = partial(_packed, self.name, episode_key(self.files))
+            pack = partial(_packed, self.name, self.options, episode_key(self.files))
             for source, (item, omission) in zip(self.files, self._mapped(pack), strict=True):
                 if omission is None:
                     yield item
@@ -261,7 +261,7 @@ class _Transfer:
             (number, [self.workers.place(file) for file in self.files[number * size : (number + 1) * size]])
             for number in numbers
         )
-        write = partial(_part, self.name, place, episode_key(self.files))
+        write = partial(_part, self.name, self.options, place, episode_key(self.files))
         done = parallel_map(write, parts, total=len(numbers), workers=self.workers, reads=self._reads, writes=place)
         for files, omissions, count in done:
             result.files.extend(files)
@@ -299,19 +299,19 @@ def _converted(
     return exported, data, note, None
 
 
-def _packed(name: str, key: Callable[[Path], str], file: Path) -> tuple[Any, RecordError | None]:
+def _packed(name: str, options: Options, key: Callable[[Path], str], file: Path) -> tuple[Any, RecordError | None]:
     """The rows of an episode in the form that the format needs, or the error if it cannot be read."""
     try:
         record = read_episode(file)
         if not format_named(name).holds_robots:
-            record = of_one_robot(record, _DEFAULT_OPTIONS, ends_on_arrival=False)
-        return _tables(name).pack(record, key(file)), None
+            record = of_one_robot(record, options, ends_on_arrival="robot" in format_named(name).options)
+        return _tables(name).pack(record, key(file), options), None
     except RecordError as error:
         return None, error
 
 
 def _part(
-    name: str, out: Path, key: Callable[[Path], str], part: tuple[int, Sequence[Path]]
+    name: str, options: Options, out: Path, key: Callable[[Path], str], part: tuple[int, Sequence[Path]]
 ) -> tuple[list[Path], list[tuple[Path, RecordError]], int]:
     """Write a part of the tables; returns its files, the episodes that cannot be read, and the number of all."""
     number, files = part
@@ -320,7 +320,7 @@ def _part(
     def packed() -> Iterator[Any]:
         for file in files:
             stop_if_over()
-            item, omission = _packed(name, key, file)
+            item, omission = _packed(name, options, key, file)
             if omission is None:
                 yield item
             else:

@@ -76,16 +76,18 @@ class Tables:
     """The export of a format whose files hold the rows of several episodes.
 
     Attributes:
-        pack: converts an episode and its key, in the worker that has read it, to the item that `write` gets.
+        pack: converts an episode, its key and the options, in the worker that has read it, to an item for `write`.
         write: writes packed episodes into a folder and returns the files. Its last argument is the number of a part,
             which gets files of its own; None: the tables hold all episodes.
         finish: called at the end with the folder and the number of parts, 0 for tables of all episodes; returns the
             other files of the folder.
+        is_divisible: whether the tables can be written in parts.
     """
 
-    pack: Callable[[EpisodeRecord, str], Any]
+    pack: Callable[[EpisodeRecord, str, Options], Any]
     write: Callable[[Iterator[Any], Path, int | None], list[Path]]
     finish: Callable[[Path, int], list[Path]]
+    is_divisible: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,7 @@ from ..datasets.tables import TABLES, PackedEpisode, pyarrow, schemas
 from ..errors import RecordError
 from ..record.files import write_atomically
 from ..record.layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
+from ..record.record import EpisodeRecord
 from ..record.tables import JSON_KEYS
 from .format import Format, Options, Tables
 from .importing import document_of, parsing
@@ -28,6 +29,11 @@ from .importing import document_of, parsing
 NAME = "parquet"
 _OLDER = ("agents", "interactions")  # tables of sonata2d 0.4 and older
 _NEWER_COLUMNS = ("doors", "robots", "sensors", "goal_x", "goal_y", "goal_theta", "humans", "interactions")
+
+
+def pack(record: EpisodeRecord, key: str, options: Options) -> PackedEpisode:
+    """The rows of an episode; see `tables.pack`."""
+    return tables.pack(record, key)
 
 
 def write(episodes: Iterator[PackedEpisode], out: Path, number: int | None) -> list[Path]:
@@ -191,6 +197,6 @@ FORMAT = Format(
     "two tables that join: episodes, and frames with the people in them",
     ".parquet",
     import_,
-    tables=Tables(tables.pack, write, finish),
+    tables=Tables(pack, write, finish),
     holds_robots=True,
 )
