@@ -27,7 +27,7 @@ from .format import Format, Options, Tables
 from .importing import document_of, parsing
 
 NAME = "parquet"
-_OLDER = ("agents", "interactions")  # tables of sonata2d 0.4 and older
+_OLDER = ("agents", "interactions")  # tables of sonata2d 0.3 and older
 _NEWER_COLUMNS = ("doors", "robots", "sensors", "goal_x", "goal_y", "goal_theta", "humans", "interactions")
 
 
