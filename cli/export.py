@@ -54,20 +54,20 @@ def _types(ctx: click.Context, _: click.Parameter, values: tuple[str, ...]) -> d
     default=0,
     metavar="N",
     show_default=True,
-    help="Formats sonata, socnav3, lerobot: of several robots, the number of the one to export; 0 is the first.",
+    help="Formats that describe one robot: the number of the one to export; 0 is the first.",
 )
 @click.option(
     "--robots-as",
     type=click.Choice(["people", "objects"]),
     default="people",
     show_default=True,
-    help="Formats sonata, socnav3, lerobot: what the other robots are.",
+    help="Formats that describe one robot: what the other robots are.",
 )
 @click.option(
     "--shard-size",
     type=click.IntRange(1),
     metavar="N",
-    help="Format parquet: N episodes in each file, for large data sets.",
+    help="Formats parquet, webdataset: N episodes in each file, for large data sets.",
 )
 @click.option(
     "--questions", type=click.IntRange(1), metavar="N", help="Format chat: lines of each episode.  [default: 20]"

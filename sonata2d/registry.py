@@ -255,6 +255,7 @@ FORMATS = Registry(
         "chat": "sonata2d.formats.chat.export:FORMAT",
         "parquet": "sonata2d.formats.parquet:FORMAT",
         "lerobot": "sonata2d.formats.lerobot:FORMAT",
+        "webdataset": "sonata2d.formats.webdataset:FORMAT",
     },
     RecordError,
 )

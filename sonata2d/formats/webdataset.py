@@ -1,0 +1,136 @@
+"""`webdataset`: tar files of arrays, which WebDataset and Hugging Face `datasets` stream into training.
+
+A sample is an episode of T frames, N pedestrians, W walls, O objects and K interactions:
+
+| file | shape | content |
+| --- | --- | --- |
+| `json` | | scalars: outcome, family, seed, episode, frames, dt, context, task |
+| `time.npy` | T | s |
+| `robot.npy` | T, 6 | x, y, theta, vx, vy, omega |
+| `goal.npy` | T, 3 | x, y, theta |
+| `humans.npy` | T, N, 7 | x, y, theta, vx, vy, omega, head; NaN where absent |
+| `command.npy`, `executed.npy` | T, 3 | vx, vy, omega in the robot's frame |
+| `walls.npy` | W, 4 | x and y of both ends |
+| `objects.npy` | O, 6 | x, y, theta, length, width, 1 for a disc |
+| `interactions.npy` | K, 4 | frame, id, number in `sonata2d.core.relations.RELATIONS`, id |
+
+Numbers are float32, those of interactions int64. Source: WebDataset, https://github.com/webdataset/webdataset.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import orjson
+
+from ..core.files.locations import delete, file_names, make_folder
+from ..core.geometry import Disc
+from ..core.relations import RELATIONS
+from ..datasets.manifest.names import part_path, shard_name
+from ..errors import RecordError
+from ..record.layout import HUMAN_NAMES
+from ..record.record import EpisodeRecord
+from ..record.shard_file import ShardWriter
+from .chat.words import instruction
+from .format import ROBOT_OPTIONS, Format, Options, Tables, require_robot
+
+NAME = "webdataset"
+
+
+@dataclass(frozen=True, slots=True)
+class _Sample:
+    """An episode, as workers send it: its key, and its files by their names after the key."""
+
+    key: str
+    files: dict[str, bytes]
+
+
+def pack(record: EpisodeRecord, key: str, options: Options) -> _Sample:
+    """The files of an episode.
+
+    Args:
+        record: the episode.
+        key: its name.
+        options: not used.
+
+    Raises:
+        UnsuitableEpisode: the robot was not recorded.
+    """
+    require_robot(record, NAME)
+    scene, count = record.scene(), len(record)
+    scalars = {
+        "outcome": record.outcome.status, "family": record.family, "seed": record.seed,
+        "episode": record.document["episode"], "frames": count, "dt": scene.rules.dt,
+        "context": record.context or "", "task": instruction(scene).text,
+    }  # fmt: skip
+    poses = [(piece.pose, piece.shape) for piece in scene.furniture]
+    arrays: dict[str, tuple[Any, tuple[int, ...]]] = {
+        "time": (record.time, (-1,)), "robot": (record.robot, (-1, 6)), "goal": (record.goals[:count], (-1, 3)),
+        "humans": (record.states.humans[:count], (count, len(scene.humans), len(HUMAN_NAMES))),
+        "command": (record.command, (-1, 3)), "executed": (record.executed, (-1, 3)),
+        "walls": ([(*wall.start, *wall.end) for wall in scene.walls], (-1, 4)),
+        "objects": ([(p.x, p.y, p.theta, *shape.sides, isinstance(shape, Disc)) for p, shape in poses], (-1, 6)),
+    }  # fmt: skip
+    rows = [
+        (tick, src, RELATIONS.index(relation), dst)
+        for tick, frame in enumerate(record.document["frames"])
+        for src, relation, dst in frame["interactions"]
+    ]
+    files = {"json": orjson.dumps(scalars)}
+    files |= {f"{name}.npy": _npy(np.array(v, dtype=np.float32).reshape(shape)) for name, (v, shape) in arrays.items()}
+    return _Sample(key, files | {"interactions.npy": _npy(np.array(rows, dtype=np.int64).reshape(-1, 4))})
+
+
+def _npy(array: Any) -> bytes:
+    data = io.BytesIO()
+    np.save(data, array, allow_pickle=False)
+    return data.getvalue()
+
+
+def write(episodes: Iterator[_Sample], out: Path, number: int | None) -> list[Path]:
+    """Write a tar file with some episodes.
+
+    Args:
+        episodes: see `pack`.
+        out: the folder; created if needed.
+        number: of the part, whose file is `shard-000007.tar`; None: all episodes are in `shard-000000.tar`.
+
+    Raises:
+        RecordError: the file cannot be written, or two episodes have the same name.
+    """
+    if out.exists() and not out.is_dir():
+        raise RecordError(f"{out} is a file; shards need a folder, choose another name")
+    make_folder(out)
+    path, keys = out / shard_name(number or 0), set[str]()
+    with ShardWriter(path, part_path(path)) as shard:
+        for episode in episodes:
+            key = episode.key.replace("/", "__").replace(".", "_")  # the first dot ends a key
+            if key in keys:
+                raise RecordError(f"two episodes are named {key}; rename one file")
+            keys.add(key)
+            for name, data in episode.files.items():
+                shard.add(f"{key}.{name}", data)
+        shard.finish()
+    return [path]
+
+
+def finish(out: Path, parts: int) -> list[Path]:
+    """Remove the shards of a former export that this one does not have."""
+    kept = {shard_name(number) for number in range(max(parts, 1))}
+    for name in file_names(out):
+        if name.startswith("shard-") and name.endswith(".tar") and name not in kept:
+            delete(out / name)
+    return []
+
+
+FORMAT = Format(
+    "tar files of arrays, to stream into training",
+    ".tar",
+    tables=Tables(pack, write, finish),
+    options=ROBOT_OPTIONS,
+)
