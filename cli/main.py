@@ -46,6 +46,7 @@ _SECTIONS = {
         "split": ("split", "Split a data set into train, dev and test parts."),
         "merge": ("merge", "Merge data sets into a new one."),
         "card": ("card", "Write the data card of a data set, with figures."),
+        "push": ("push", "Upload a data set to the Hugging Face Hub."),
         "export": ("export", "Export episodes to a format of another program."),
     },
     "Set up": {

@@ -20,6 +20,7 @@ from .core.scene import Scene as Scene
 from .core.snapshot import Frame as Frame, Observer as Observer, Outcome as Outcome, Snapshot as Snapshot
 from .datasets.dataset import Dataset as Dataset
 from .datasets.generate.run import generate_dataset as generate_dataset
+from .datasets.hub import load as load
 from .datasets.workers.executors import Workers as Workers
 from .errors import Sonata2dError as Sonata2dError
 from .gym.worlds import Worlds as Worlds

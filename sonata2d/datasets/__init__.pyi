@@ -3,6 +3,7 @@ from .check.episodes import Problem as Problem
 from .check.replay import branch as branch
 from .check.verification import verify as verify
 from .generate.run import generate_dataset as generate_dataset
+from .hub import push_dataset as push_dataset
 from .manifest.names import CROISSANT as CROISSANT, MANIFEST as MANIFEST, METRICS as METRICS
 from .manifest.rows import files_of as files_of, read_manifest as read_manifest
 from .tables import write_tables as write_tables

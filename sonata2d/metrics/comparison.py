@@ -7,7 +7,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, overload
 
-from ..core.files.locations import location, make_folder
+from ..core.files.locations import is_read_only, location, make_folder
 from ..core.files.optional import optional
 from ..core.notebook import Advance, ProgressBar, bar_of
 from ..core.wording import counted
@@ -195,6 +195,8 @@ class Comparison(Sequence[Evaluation]):
     def save_metrics(self, labels: Iterable[str] | None = None) -> None:
         """Write `metrics.json` into the folder of each data set; parts of data sets and other files get none.
 
+        Data sets in repositories of Hugging Face get none, either.
+
         Args:
             labels: of the evaluations; None: all.
 
@@ -207,7 +209,7 @@ class Comparison(Sequence[Evaluation]):
             for dataset in datasets if evaluation.label in wanted else ():
                 measured = list(islice(remaining, len(dataset)))
                 is_whole = dataset.manifest is not None and len(dataset) == len(dataset.manifest["files"])
-                if is_whole:
+                if is_whole and not is_read_only(dataset.path):
                     save_metrics(dataset.path, Evaluation(dataset.path.name, measured, evaluation.resamples))
 
     def _repr_html_(self) -> str:

@@ -6,6 +6,7 @@ whole or not at all; a file on this machine, or on a file server, is written und
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 from collections.abc import Iterator
@@ -62,6 +63,7 @@ def _in_store(url: str, protocol: str) -> Path:
         raise ValueError(
             f"{url}: fsspec knows no protocol {protocol!r}; use a path, or s3://, gs:// or another"
         ) from error
+    remote.fs.invalidate_cache()  # some stores keep listings in spite of the option
     _require_reachable(remote, protocol)
     return cast(Path, remote)
 
@@ -82,7 +84,7 @@ def _require_reachable(path: Any, protocol: str) -> None:
     except Exception as error:  # each store has errors of its own
         raise ValueError(
             f"{place} cannot be reached ({type(error).__name__}: {error}); credentials and the address of the store "
-            "are set as its package says, such as AWS_ACCESS_KEY_ID and AWS_ENDPOINT_URL"
+            "are set as its package says, such as AWS_ACCESS_KEY_ID and AWS_ENDPOINT_URL, or HF_TOKEN"
         ) from error
     _reached.add(place)
 
@@ -95,6 +97,12 @@ def is_location(value: object) -> bool:
 def is_remote(path: object) -> bool:
     """Whether a path is in a store, and not in the file system of this machine."""
     return not isinstance(path, Path) and hasattr(path, "protocol") and hasattr(path, "storage_options")
+
+
+def is_read_only(path: Path) -> bool:
+    """Whether a path is in a repository of Hugging Face, in which each file that is written would be a commit."""
+    remote: Any = path
+    return is_remote(path) and remote.protocol == "hf" and not remote.path.startswith("buckets/")
 
 
 def make_folder(folder: Path) -> None:
@@ -168,6 +176,7 @@ def delete(path: Path) -> None:
         RecordError: it cannot be deleted.
     """
     with explained(path, "deleted"):
+        _require_writable(path)
         path.unlink(missing_ok=True)
 
 
@@ -211,8 +220,20 @@ def put_file(path: Path, source: Path) -> None:
     _put(path, lambda fs, name: fs.put_file(str(source), name))
 
 
+def _require_writable(path: Path) -> None:
+    """Require that files of a folder can be written.
+
+    Raises:
+        OSError: they cannot.
+    """
+    if is_read_only(path):
+        message = "it is in a repository, which is read only; write on this machine, then use `sonata2d push`"
+        raise OSError(errno.EROFS, message)
+
+
 def _put(path: Path, write: Any) -> None:
     remote: Any = path
+    _require_writable(path)
     with _os_errors():
         if remote.protocol in _OBJECT_STORES:  # whose objects appear whole or not at all
             write(remote.fs, remote.path)
