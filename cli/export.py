@@ -32,6 +32,7 @@ def _types(ctx: click.Context, _: click.Parameter, values: tuple[str, ...]) -> d
         "export demo/000000.json --to socnav3 -o one.json",
         "export demo --to sonata --quirks original -o old",
         "export demo --to chat --questions 10 --pictures -o chat",
+        "export demo --to mcap -o logs",
         "export big --to parquet --shard-size 1000 --workers 8 -o tables",
     ),
 )
@@ -54,14 +55,14 @@ def _types(ctx: click.Context, _: click.Parameter, values: tuple[str, ...]) -> d
     default=0,
     metavar="N",
     show_default=True,
-    help="Formats sonata, socnav3: of several robots, the number of the one to export; 0 is the first.",
+    help="Formats sonata, socnav3, mcap: of several robots, the number of the one to export; 0 is the first.",
 )
 @click.option(
     "--robots-as",
     type=click.Choice(["people", "objects"]),
     default="people",
     show_default=True,
-    help="Formats sonata, socnav3: what the other robots are.",
+    help="Formats sonata, socnav3, mcap: what the other robots are.",
 )
 @click.option(
     "--shard-size",
