@@ -38,6 +38,7 @@ _EXTRAS = {  # name of the extra, what it adds, its modules
     "plots": ("plots", "plots of notebooks and examples", "matplotlib"),
     "studies": ("serve", "studies in a browser", "starlette", "uvicorn", "websockets"),
     "parquet": ("parquet", "export and import of parquet", "pyarrow"),
+    "mcap": ("mcap", "export to mcap", "mcap", "rosbags"),
 }
 DIGEST = "64fe41c34dc0fabbc5bfd7b6c103561f"  # of the frames of the trial episode, the same on every machine
 

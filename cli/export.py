@@ -32,6 +32,7 @@ def _types(ctx: click.Context, _: click.Parameter, values: tuple[str, ...]) -> d
         "export demo/000000.json --to socnav3 -o one.json",
         "export demo --to sonata --quirks original -o old",
         "export demo --to chat --questions 10 --pictures -o chat",
+        "export demo --to mcap -o logs",
         "export big --to parquet --shard-size 1000 --workers 8 -o tables",
     ),
 )

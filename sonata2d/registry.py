@@ -253,6 +253,7 @@ FORMATS = Registry(
         "trajnet": "sonata2d.formats.trajnet:FORMAT",
         "npz": "sonata2d.formats.npz:FORMAT",
         "chat": "sonata2d.formats.chat.export:FORMAT",
+        "mcap": "sonata2d.formats.mcap:FORMAT",
         "parquet": "sonata2d.formats.parquet:FORMAT",
         "lerobot": "sonata2d.formats.lerobot:FORMAT",
         "webdataset": "sonata2d.formats.webdataset:FORMAT",
