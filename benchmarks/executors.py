@@ -23,7 +23,8 @@ from pathlib import Path
 from typing import Any
 
 import sonata2d as s2
-from sonata2d.datasets import DaskExecutor, verify
+from sonata2d.datasets import verify
+from sonata2d.workers import DaskExecutor
 
 SCENARIO, CONTROLLER = "sonata-2020", "social-planner"
 SHORT = {"scenario": "empty", "controller": "straight-to-goal"}  # episodes of 5 ms, of which a task has many

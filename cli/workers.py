@@ -13,7 +13,7 @@ import click
 from click.core import ParameterSource
 
 if TYPE_CHECKING:
-    from sonata2d.datasets.workers.executors import Workers
+    from sonata2d.workers.executors import Workers
 
 _OPTIONS = (
     click.option(
@@ -51,12 +51,12 @@ class WorkerOptions:
         Raises:
             WorkerError: the cluster does not answer, or Dask is not installed.
         """
-        from sonata2d.datasets.workers.executors import Workers
+        from sonata2d.workers.executors import Workers
 
         with ExitStack() as stack:
             executor: Any = self.number
             if self.engine == "dask":
-                from sonata2d.datasets.workers.dask_executor import DaskExecutor
+                from sonata2d.workers.dask_executor import DaskExecutor
 
                 number = None if self.address else self.number
                 executor = stack.enter_context(DaskExecutor(self.address, workers=number))

@@ -21,7 +21,6 @@ from .core.snapshot import Frame as Frame, Observer as Observer, Outcome as Outc
 from .datasets.dataset import Dataset as Dataset
 from .datasets.generate.run import generate_dataset as generate_dataset
 from .datasets.hub import load as load
-from .datasets.workers.executors import Workers as Workers
 from .errors import Sonata2dError as Sonata2dError
 from .gym.worlds import Worlds as Worlds
 from .metrics.comparison import Comparison as Comparison
@@ -35,3 +34,4 @@ from .scenegen.scenario.load import load_scenario as load_scenario
 from .sim.episode import Episode as Episode
 from .testing.controllers import check_controller as check_controller
 from .version import __version__ as __version__
+from .workers.executors import Workers as Workers

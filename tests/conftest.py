@@ -24,8 +24,8 @@ from sonata2d.core.geometry import Barriers, Disc, Point, Pose, Rectangle, conta
 from sonata2d.core.portable_math import Array, IntArray
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Snapshot
-from sonata2d.datasets.workers.processes import Processes
-from sonata2d.datasets.workers.tasks import Answer, Call
+from sonata2d.workers.processes import Processes
+from sonata2d.workers.tasks import Answer, Call
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 hypothesis.settings.register_profile("sonata2d", deadline=None)  # the first call of a kernel may compile it

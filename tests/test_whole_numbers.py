@@ -349,7 +349,7 @@ MADE = {
     "sonata2d.Scene.for_paths",
     "sonata2d.Outcome",
     "sonata2d.Snapshot",
-    "sonata2d.datasets.DaskExecutor",
+    "sonata2d.workers.DaskExecutor",
     "sonata2d.record.Motion",
     "sonata2d.learning.graph.Graph",
     "sonata2d.metrics.Certificate",

@@ -29,12 +29,12 @@ from ..core.files.limits import MAX_WEIGHTS_BYTES
 from ..core.files.reading import read_at_most
 from ..core.notebook import ProgressBar, bar_of
 from ..core.wording import counted, shown
-from ..datasets.workers.executors import Workers, parallel_map, shared_workers
-from ..datasets.workers.processes import end_if_unguarded
 from ..errors import BenchmarkError, ConfigError, ControllerError
 from ..record.files import sha256_of, write_atomically
 from ..record.layout import software_versions
 from ..registry import CONTROLLERS
+from ..workers.executors import Workers, parallel_map, shared_workers
+from ..workers.processes import end_if_unguarded
 from .isolated import Isolated, files_of
 from .run import RECORDED_PERSON, Past, Run, Runner, Task, tasks_of
 from .scorers import MODELS, checked_scorers

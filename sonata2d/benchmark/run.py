@@ -15,11 +15,11 @@ from ..agents.controllers.loading import ControllerSource
 from ..core.geometry import Twist
 from ..core.portable_math import IntArray
 from ..core.snapshot import ControllerInfo
-from ..datasets.workers.tasks import stop_if_over
 from ..errors import BenchmarkError
 from ..record.recorder import EpisodeRecorder
 from ..sim.episode import Episode
 from ..sim.inputs import TickInput
+from ..workers.tasks import stop_if_over
 from .isolated import FAILED, Isolated
 from .recorded import RecordedPerson
 from .scorers import LEARNED, column_of, learned_score

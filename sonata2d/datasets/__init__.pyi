@@ -15,4 +15,3 @@ from .transforms.mirror import (
     twist_image as twist_image,
 )
 from .transforms.split import split_dataset as split_dataset
-from .workers.dask_executor import DaskExecutor as DaskExecutor

@@ -24,12 +24,12 @@ from ..record.reader import read_episode, read_episodes
 from ..record.record import EpisodeRecord
 from ..record.tables import TABLES, tables_of
 from ..registry import did_you_mean
+from ..workers.executors import Workers
 from .manifest.read import has_manifest
 from .manifest.rows import Lazy, files_in_manifest, files_of, paths_in, read_stored_manifest, selection
 from .stream import BLOCK, Stream, Transform
 from .summaries import totals_of
 from .transforms.split import FRACTIONS, split_dataset
-from .workers.executors import Workers
 
 SHOWN, _PREVIEWED = 12, 4  # episodes of a picture, and beside a table
 

@@ -10,9 +10,9 @@ import orjson
 from ..record.files import write_atomically
 from ..record.layout import JsonDict
 from ..record.shard_file import ShardWriter, shard_manifest_path
+from ..workers.tasks import stop_if_unwanted
 from .card.text import card_text
 from .manifest.names import part_path, shard_card_path
-from .workers.tasks import stop_if_unwanted
 
 
 def write_shard(shard: Path, manifest: JsonDict, members: Iterable[tuple[JsonDict, bytes]]) -> JsonDict:

@@ -17,8 +17,8 @@ from ..core.wording import shown
 from ..errors import DatasetWarning, RecordError
 from ..record.reader import read_episodes, without_garbage_collection
 from ..record.record import EpisodeRecord
-from .workers.executors import Workers, parallel_map
-from .workers.processes import end_if_unguarded
+from ..workers.executors import Workers, parallel_map
+from ..workers.processes import end_if_unguarded
 
 BLOCK = 64  # episodes that are read together
 

@@ -34,9 +34,9 @@ from ..record.layout import COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
 from ..record.tables import JSON_KEYS, tables_of
+from ..workers.executors import Workers, parallel_map, shared_workers
+from ..workers.tasks import stop_if_over, stop_if_unwanted
 from .manifest.rows import paths_in, read_manifest
-from .workers.executors import Workers, parallel_map, shared_workers
-from .workers.tasks import stop_if_over, stop_if_unwanted
 
 logger = logging.getLogger(__name__)
 

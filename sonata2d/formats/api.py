@@ -13,15 +13,15 @@ from typing import Any, TypeVar
 from ..core.files.locations import is_remote, location, make_folder
 from ..datasets.dataset import Dataset
 from ..datasets.manifest import MANIFEST, METRICS, SCENARIO, files_of
-from ..datasets.workers.executors import Workers, parallel_map, shared_workers
-from ..datasets.workers.processes import end_if_unguarded
-from ..datasets.workers.tasks import stop_if_over, stop_if_unwanted
 from ..errors import RecordError, UnsuitableEpisode
 from ..record.files import SUFFIXES, compress, episode_key, file_exists, safe_text, write_atomically
 from ..record.layout import JsonDict
 from ..record.reader import read_episode
 from ..record.shard_file import is_shard
 from ..registry import FORMATS
+from ..workers.executors import Workers, parallel_map, shared_workers
+from ..workers.processes import end_if_unguarded
+from ..workers.tasks import stop_if_over, stop_if_unwanted
 from . import sonata
 from .format import Format, Options, Tables
 from .importing import encode_episode

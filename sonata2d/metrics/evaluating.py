@@ -21,12 +21,12 @@ from ..core.wording import shown
 from ..datasets.dataset import Dataset
 from ..datasets.generate.run import generate_dataset
 from ..datasets.manifest import MANIFEST, unlisted_episodes, write_json
-from ..datasets.workers.executors import Workers, shared_workers
-from ..datasets.workers.processes import end_if_unguarded
 from ..errors import ConfigError, RecordError, Sonata2dError
 from ..record.files import safe_texts
 from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.load import scenario_of
+from ..workers.executors import Workers, shared_workers
+from ..workers.processes import end_if_unguarded
 from . import driving, fleet
 from .catalogue import headline_metrics, select_metrics
 from .comparison import Comparison

@@ -16,13 +16,13 @@ from ..core.files import interruption
 from ..core.notebook import Advance
 from ..core.wording import described, one_line
 from ..datasets.manifest import METRICS as METRICS_FILE, files_of as episode_files, write_json
-from ..datasets.workers.executors import Workers, parallel_map, shared_workers
-from ..datasets.workers.processes import end_if_unguarded
 from ..errors import MetricError, Sonata2dError
 from ..record.files import read_stored
 from ..record.layout import scene_to_json, software_versions
 from ..record.reader import episode_in
 from ..record.record import EpisodeRecord
+from ..workers.executors import Workers, parallel_map, shared_workers
+from ..workers.processes import end_if_unguarded
 from .catalogue import ALL
 from .definition import Metric, missing_data
 from .disturbance import RunWithoutRobot, without_robot

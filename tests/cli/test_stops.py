@@ -303,7 +303,7 @@ def test_a_controller_that_never_answers_does_not_keep_a_stopped_command_alive(h
     forever = "open('stuck', 'w').close() or [__import__('time').sleep(1) for _ in iter(int, 1)]"
     (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=forever))
     line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 2"
-    impatient = "from sonata2d.datasets.workers import processes; processes.STOP_GRACE = 0.5"
+    impatient = "from sonata2d.workers import processes; processes.STOP_GRACE = 0.5"
     with started(line, preparation=impatient) as process:
         wait_until((here / "stuck").exists, process)
         process.terminate()
@@ -317,7 +317,7 @@ def test_a_second_ctrl_c_ends_the_workers_at_once(here: Path) -> None:
     forever = "open('stuck', 'w').close() or [__import__('time').sleep(1) for _ in iter(int, 1)]"
     (here / "fatal.py").write_text(FATAL.format(at_import="", in_act=forever))
     line = "generate out --scenario quick.yaml --controller ./fatal.py:Fatal --episodes 6 --workers 2"
-    patient = "from sonata2d.datasets.workers import processes; processes.STOP_GRACE = 1000"
+    patient = "from sonata2d.workers import processes; processes.STOP_GRACE = 1000"
     with started(line, preparation=patient) as process:
         wait_until((here / "stuck").exists, process)
         process.send_signal(signal.SIGINT)

@@ -17,10 +17,10 @@ import pytest
 import sonata2d as s2
 from sonata2d.agents.controllers.loading import ControllerSource
 from sonata2d.datasets import verify
-from sonata2d.datasets.workers.dask_executor import DaskExecutor
-from sonata2d.datasets.workers.executors import Workers, parallel_map
-from sonata2d.datasets.workers.tasks import MARK
 from sonata2d.errors import WorkerError
+from sonata2d.workers.dask_executor import DaskExecutor
+from sonata2d.workers.executors import Workers, parallel_map
+from sonata2d.workers.tasks import MARK
 
 from .cluster import Accidents, Cluster, wait_until
 from .test_generate import QUICK, contents
@@ -204,7 +204,7 @@ def test_any_executor_gives_the_same_bytes(reference: Path, tmp_path: Path, kind
 
 def test_an_executor_may_run_tasks_in_the_thread_of_the_caller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A thread that ran tasks of a finished call is not asked to stop when it does other work."""
-    monkeypatch.setattr("sonata2d.datasets.workers.tasks._LOOK_INTERVAL", 0.0)
+    monkeypatch.setattr("sonata2d.workers.tasks._LOOK_INTERVAL", 0.0)
     settings: dict[str, Any] = {"episodes": 4, "shard_size": 2}
     s2.generate_dataset(tmp_path / "one", QUICK, "straight-to-goal", workers=Failing(), **settings)
     s2.generate_dataset(tmp_path / "two", QUICK, "straight-to-goal", **settings)
@@ -275,7 +275,7 @@ def test_workers_that_do_not_see_a_folder_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     elsewhere = Path("/nowhere/data")
-    monkeypatch.setattr("sonata2d.datasets.workers.tasks._VISIBLE_WITHIN", 0.5)
+    monkeypatch.setattr("sonata2d.workers.tasks._VISIBLE_WITHIN", 0.5)
     with (
         ThreadPoolExecutor(1) as executor,
         pytest.raises(WorkerError, match="does not see /nowhere/data; give a folder that all machines share"),

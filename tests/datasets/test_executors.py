@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from sonata2d.datasets.workers.executors import Workers, parallel_map
-from sonata2d.datasets.workers.tasks import Call
 from sonata2d.errors import WorkerError
+from sonata2d.workers.executors import Workers, parallel_map
+from sonata2d.workers.tasks import Call
 
 
 def tagged(factor: int, item: int) -> tuple[int, int]:

@@ -15,10 +15,10 @@ import pytest
 import sonata2d as s2
 from sonata2d.datasets import generate_dataset, verify
 from sonata2d.datasets.manifest import read_manifest, unlisted_episodes
-from sonata2d.datasets.workers.executors import parallel_map
 from sonata2d.errors import ConfigError, ControllerError, RecordError, Sonata2dError
 from sonata2d.record.reader import read_episode
 from sonata2d.testing.controllers import check_controller
+from sonata2d.workers.executors import parallel_map
 
 QUICK = s2.ScenarioConfig(name="quick", standing=2, wandering=3, tables=1, rules={"time_limit": 3.0})
 

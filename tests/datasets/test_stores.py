@@ -19,10 +19,10 @@ from sonata2d_cli import main
 import sonata2d as s2
 from sonata2d.core.files.locations import file_names, location
 from sonata2d.datasets import merge_datasets, mirror_dataset, split_dataset, verify
-from sonata2d.datasets.workers.dask_executor import DaskExecutor
 from sonata2d.errors import RecordError, WorkerError
 from sonata2d.formats.api import export_to, import_from
 from sonata2d.record.files import read_stored, write_atomically
+from sonata2d.workers.dask_executor import DaskExecutor
 
 from .cluster import Cluster
 from .test_generate import QUICK

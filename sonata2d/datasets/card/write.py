@@ -16,11 +16,11 @@ from ...record.files import read_bytes, read_stored, read_text, write_atomically
 from ...record.layout import JsonDict
 from ...record.models import Settings
 from ...record.shard_file import is_shard
+from ...workers.executors import Workers
 from ..manifest.names import CARD, CROISSANT, MANIFEST, SCENARIO
 from ..manifest.rows import listing, read_manifest, warn_if_incomplete
 from ..manifest.write import json_bytes, write_json
 from ..tables import has_pyarrow, write_tables
-from ..workers.executors import Workers
 from .croissant import Publication, croissant_metadata, stored_publication
 from .text import card_text, default_licence
 

@@ -18,11 +18,11 @@ from ...core.wording import described
 from ...errors import ControllerError, ControllerWarning
 from ...record.layout import JsonDict
 from ...record.record import EpisodeRecord
+from ...workers.executors import Workers, parallel_map, shared_workers
+from ...workers.processes import end_if_unguarded
 from ..manifest.names import MANIFEST
 from ..manifest.read import has_manifest
 from ..manifest.rows import files_of, read_manifest
-from ..workers.executors import Workers, parallel_map, shared_workers
-from ..workers.processes import end_if_unguarded
 from .episodes import ListedFile, Problem, check_record, open_to_check
 from .manifests import check_manifest, check_shard, check_tar, files_in, listed_shards
 from .replay import check_replay, check_rerun

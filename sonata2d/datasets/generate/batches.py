@@ -22,11 +22,11 @@ from ...record.layout import JsonDict
 from ...record.reader import read_episode
 from ...record.recorder import EpisodeRecorder
 from ...record.shard_file import ShardWriter, extents, shard_manifest_path
+from ...workers.tasks import stop_if_over, stop_if_unwanted
 from ..manifest.names import episode_number, part_path, parts_in, shard_name, shard_number
 from ..manifest.read import read_document
 from ..manifest.write import counts_of, row_of, sum_of
 from ..shards import shard_row, write_shard_manifest
-from ..workers.tasks import stop_if_over, stop_if_unwanted
 from .episodes import Job, created, packed_episode, run_episode
 from .progress import Batch, FailedEpisode, logged_exclusions
 from .specification import DatasetSpec, identity_of, manifest_of, require_episode_of

@@ -26,9 +26,9 @@ from ...scenegen.generator import generate
 from ...scenegen.scenario.config import ScenarioConfig
 from ...sim.driver import renderer_for
 from ...sim.episode import Episode
+from ...workers.processes import end_if_forked
 from ..manifest.names import FAILED
 from ..manifest.write import file_row
-from ..workers.processes import end_if_forked
 from .progress import FailedEpisode
 from .specification import DatasetSpec
 

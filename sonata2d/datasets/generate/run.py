@@ -30,6 +30,9 @@ from ...registry import registered_hashes
 from ...scenegen.scenario.config import ScenarioConfig
 from ...scenegen.scenario.load import scenario_of
 from ...sim.driver import controller_info_of
+from ...workers.executors import Workers, shared_workers
+from ...workers.processes import end_if_unguarded
+from ...workers.tasks import Call, RaisedInWorker
 from ..card.write import write_manifest_and_card
 from ..dataset import Dataset
 from ..manifest.names import FAILED, MANIFEST, SCENARIO
@@ -38,9 +41,6 @@ from ..manifest.rows import with_rows
 from ..manifest.write import sum_of, write_json
 from ..summaries import commands_warning
 from ..tables import has_pyarrow, pyarrow, write_tables
-from ..workers.executors import Workers, shared_workers
-from ..workers.processes import end_if_unguarded
-from ..workers.tasks import Call, RaisedInWorker
 from .batches import batch_runner, cut_shard, existing_batches, remove_split, remove_surplus
 from .episodes import FAILURES, Job, created, is_failure
 from .progress import Batch, Progress, append_to_log, log_excluded

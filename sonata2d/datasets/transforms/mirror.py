@@ -28,6 +28,9 @@ from ...record.layout import JsonDict, moving_doors
 from ...record.motion import HEAD, OMEGA, THETA, VY, Y
 from ...record.reader import read_episode
 from ...record.record import EpisodeRecord, record_from_document
+from ...workers.executors import Workers, parallel_map, shared_workers
+from ...workers.processes import end_if_unguarded
+from ...workers.tasks import stop_if_over, stop_if_unwanted
 from ..card.write import licence_of, write_manifest_and_card
 from ..manifest.names import SCENARIO
 from ..manifest.read import read_document
@@ -41,9 +44,6 @@ from ..manifest.rows import (
 )
 from ..shards import write_shard
 from ..tables import write_tables_as
-from ..workers.executors import Workers, parallel_map, shared_workers
-from ..workers.processes import end_if_unguarded
-from ..workers.tasks import stop_if_over, stop_if_unwanted
 from .new_folder import new_folder
 
 MARK = "-mirror"  # suffix of the id and the file name of a mirrored episode

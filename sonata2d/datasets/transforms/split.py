@@ -17,11 +17,11 @@ from ...errors import RecordError
 from ...record.layout import JsonDict, scene_to_json
 from ...record.reader import read_episode
 from ...record.record import EpisodeRecord
+from ...workers.executors import Workers, parallel_map, shared_workers
 from ..card.write import write_manifest_and_card
 from ..manifest.rows import ShardRows, read_listed_file, read_shard, read_stored_manifest, warn_if_incomplete
 from ..shards import write_shard_manifest
 from ..tables import write_tables_as
-from ..workers.executors import Workers, parallel_map, shared_workers
 from .mirror import mirrored
 
 FRACTIONS = {"train": 0.8, "dev": 0.1, "test": 0.1}

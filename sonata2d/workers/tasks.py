@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import Any, Literal
 from uuid import uuid4
 
-from ...core.files import interruption
-from ...core.files.whole_file import TEMPORARY_PREFIX
-from ...core.wording import described
-from ...errors import WorkerError
-from ...record.files import write_atomically
-from ...record.layout import software_versions
-from ...registry import registered_objects, restore_registered
-from ...version import PHYSICS_VERSION
+from ..core.files import interruption
+from ..core.files.whole_file import TEMPORARY_PREFIX
+from ..core.wording import described
+from ..errors import WorkerError
+from ..record.files import write_atomically
+from ..record.layout import software_versions
+from ..registry import registered_objects, restore_registered
+from ..version import PHYSICS_VERSION
 
 _VISIBLE_WITHIN = 10.0  # s, until a new file on a file server is seen by all machines
 MARK = f"{TEMPORARY_PREFIX}run-"  # beginning of the name of the mark of a call

@@ -20,9 +20,9 @@ from multiprocessing.synchronize import Event
 from multiprocessing.util import Finalize
 from typing import Any
 
-from ...core.files import interruption
-from ...core.files.locations import is_remote
-from ...errors import PluginWarning, WorkerError
+from ..core.files import interruption
+from ..core.files.locations import is_remote
+from ..errors import PluginWarning, WorkerError
 from . import tasks
 from .tasks import Answer, Call, marked, origin, run_task
 

@@ -16,10 +16,10 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from ...core.arguments import whole_number
-from ...core.files import interruption
-from ...core.wording import described, shown
-from ...errors import WorkerError
+from ..core.arguments import whole_number
+from ..core.files import interruption
+from ..core.wording import described, shown
+from ..errors import WorkerError
 from .processes import ENDED, STOP_GRACE, Processes
 from .tasks import Answer, Call, RaisedInWorker, applied, marked, origin, run_task
 
@@ -43,7 +43,7 @@ class Workers:
     Args:
         executor: a number of processes, which start when they are first needed; with 1 the calling process does the
             work. Or a `concurrent.futures.Executor`, or an object with its method `submit`, such as the executors of
-            mpi4py and submitit; `sonata2d.datasets.DaskExecutor` connects to a Dask cluster.
+            mpi4py and submitit; `sonata2d.workers.DaskExecutor` connects to a Dask cluster.
         count: number of tasks that an executor runs at a time; None: as it says, or the number of processors.
         task_size: number of episodes that are sent at a time; None: as many as take about 0.25 s in a process of this
             machine, and 2 s in an executor, by the time that the last ones took.

@@ -11,11 +11,11 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
-from ...core.arguments import whole_number
-from ...core.files import interruption
-from ...core.files.optional import optional
-from ...core.wording import described, shown
-from ...errors import WorkerError
+from ..core.arguments import whole_number
+from ..core.files import interruption
+from ..core.files.optional import optional
+from ..core.wording import described, shown
+from ..errors import WorkerError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -48,7 +48,7 @@ class DaskExecutor(Executor):
 
     Example:
         >>> import sonata2d as s2
-        >>> from sonata2d.datasets import DaskExecutor
+        >>> from sonata2d.workers import DaskExecutor
         >>> def main():
         ...     with DaskExecutor("tcp://10.0.0.5:8786") as executor:
         ...         s2.generate_dataset("/shared/demo", episodes=1_000_000, shard_size=1000, workers=executor)

@@ -1,1 +1,0 @@
-"""Worker processes of this machine, and executors of clusters."""

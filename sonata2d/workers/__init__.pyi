@@ -1,0 +1,1 @@
+from .dask_executor import DaskExecutor as DaskExecutor
