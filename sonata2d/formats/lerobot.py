@@ -48,8 +48,9 @@ IMAGE = ImageRequest(128, 128, view="top")
 _CODEBASE = "v3.0"
 _CHUNK = 1000  # files in a folder, and episodes in a file
 _PICTURES = "observation.images.top"
-_DATA, _EPISODES = "data/chunk-{:03d}/file-{:03d}.parquet", "meta/episodes/chunk-{:03d}/file-{:03d}.parquet"
-_VIDEO = "videos/{}/chunk-{:03d}/file-{:03d}.mp4"
+_FILE = "chunk-{chunk_index:03d}/file-{file_index:03d}"
+_DATA, _EPISODES = f"data/{_FILE}.parquet", f"meta/episodes/{_FILE}.parquet"
+_VIDEO = f"videos/{{video_key}}/{_FILE}.mp4"
 _QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 _PERSON = ("x", "y", "vx", "vy", "radius", "present")
 _NAMES = {
@@ -177,8 +178,8 @@ def _statistics(values: Array) -> dict[str, Array]:
     return found | dict(zip(_QUANTILES, quantiles, strict=True)) | {"count": np.array([len(values)])}
 
 
-def _combined(parts: Sequence[dict[str, Array]]) -> dict[str, Array]:
-    """The statistics of all episodes from those of each; quantiles are weighted means, as LeRobot combines them."""
+def _combined(*parts: dict[str, Array]) -> dict[str, Array]:
+    """The statistics of several parts together; quantiles are weighted means, as LeRobot combines them."""
     counts = np.array([part["count"][0] for part in parts], dtype=float)
     weights = (counts / counts.sum()).reshape(-1, *[1] * parts[0]["mean"].ndim)
     means = np.stack([part["mean"] for part in parts])
@@ -221,7 +222,7 @@ def _film(pictures: Any, fps: int) -> bytes:
 
 
 def write(episodes: Iterator[_Packed], out: Path, number: int | None) -> list[Path]:
-    """Write a data set; the last file, `meta/info.json`, makes it complete. Only one episode is held in memory.
+    """Write a data set; the last file, `meta/info.json`, makes it complete. Only a file of rows is held in memory.
 
     Args:
         episodes: see `pack`.
@@ -263,10 +264,10 @@ class _Writer:
         self._pa, self._pq = pyarrow()
         self._files: list[Path] = []
         self._tasks: dict[str, int] = {}
-        self._episodes: list[dict[str, Any]] = []
-        self._statistics: dict[str, list[dict[str, Array]]] = {}
+        self._waiting: list[dict[str, Any]] = []  # rows of the episodes in the open file
+        self._statistics: Statistics = {}
         self._first: _Packed | None = None
-        self._frames = 0
+        self._count = self._frames = 0
         self._rows: Any = None
 
     def add(self, episode: _Packed, whole: ExitStack) -> None:
@@ -276,7 +277,7 @@ class _Writer:
             if getattr(episode, name) != getattr(first, name):
                 values = f"{getattr(first, name)} and {getattr(episode, name)}"
                 raise RecordError(f"{episode.key}: a LeRobot data set has one {name}, got {values}; export them apart")
-        number, count = len(self._episodes), len(episode)
+        number, count = self._count, len(episode)
         chunk, file = divmod(number // _CHUNK, _CHUNK)
         if number % _CHUNK == 0:
             self.close(whole)
@@ -295,33 +296,35 @@ class _Writer:
         }  # fmt: skip
         if episode.film is not None:
             chunk, file = divmod(number, _CHUNK)
-            write_atomically(self._file(_VIDEO, _PICTURES, chunk, file), episode.film)
+            write_atomically(self._file(_VIDEO, chunk, file), episode.film)
             row |= {
                 f"videos/{_PICTURES}/chunk_index": chunk, f"videos/{_PICTURES}/file_index": file,
                 f"videos/{_PICTURES}/from_timestamp": 0.0, f"videos/{_PICTURES}/to_timestamp": count / episode.fps,
             }  # fmt: skip
         for name, found in episode.statistics.items():
             row |= {f"stats/{name}/{kind}": values.tolist() for kind, values in found.items()}
-            self._statistics.setdefault(name, []).append(found)
-        place = {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
-        self._episodes.append(row | place | {"sonata2d/episode_id": episode.key, "sonata2d/outcome": episode.outcome})
+            self._statistics[name] = _combined(*(part for part in (self._statistics.get(name), found) if part))
+        place = {f"meta/episodes/{kind}": row[f"data/{kind}"] for kind in ("chunk_index", "file_index")}
+        self._waiting.append(row | place | {"sonata2d/episode_id": episode.key, "sonata2d/outcome": episode.outcome})
         self._frames += count
+        self._count += 1
 
     def close(self, whole: ExitStack) -> None:
-        """Complete the file of rows that is open."""
+        """Complete the file of frames that is open, and write the rows of its episodes."""
         whole.close()
-        self._rows = None
+        if self._waiting:
+            chunk, file = (self._waiting[0][f"data/{kind}"] for kind in ("chunk_index", "file_index"))
+            with whole_file(self._file(_EPISODES, chunk, file)) as place:
+                self._pq.write_table(self._pa.Table.from_pylist(self._waiting), place)
+            self._waiting.clear()
 
     def finish(self) -> list[Path]:
-        """Write tasks, episodes, statistics and, at the end, what makes the data set complete."""
+        """Write tasks, statistics and, at the end, what makes the data set complete."""
         if self._first is None:
             return []
-        with whole_file(self._file(_EPISODES, 0, 0)) as place:
-            self._pq.write_table(self._pa.Table.from_pylist(self._episodes), place)
         with whole_file(self._file("meta/tasks.parquet")) as place:
             self._pq.write_table(_tasks(self._pa, list(self._tasks)), place)
-        statistics = {name: _combined(parts) for name, parts in self._statistics.items()}
-        content = {name: {kind: v.tolist() for kind, v in found.items()} for name, found in statistics.items()}
+        content = {name: {kind: v.tolist() for kind, v in found.items()} for name, found in self._statistics.items()}
         self._json("meta/stats.json", content)
         self._json("meta/info.json", self._info(self._first))
         return self._files
@@ -341,13 +344,12 @@ class _Writer:
                     "video.is_depth_map": False, "video.fps": first.fps, "video.channels": 3, "has_audio": False,
                 },
             }  # fmt: skip
-        count = len(self._episodes)
         return {
-            "codebase_version": _CODEBASE, "robot_type": f"sonata2d-{first.robot}", "total_episodes": count,
+            "codebase_version": _CODEBASE, "robot_type": f"sonata2d-{first.robot}", "total_episodes": self._count,
             "total_frames": self._frames, "total_tasks": len(self._tasks), "chunks_size": _CHUNK,
             "data_files_size_in_mb": 100, "video_files_size_in_mb": 200, "fps": first.fps,
-            "splits": {"train": f"0:{count}"}, "data_path": _path_form(_DATA),
-            "video_path": None if first.film is None else _path_form(_VIDEO), "features": features,
+            "splits": {"train": f"0:{self._count}"}, "data_path": _DATA,
+            "video_path": None if first.film is None else _VIDEO, "features": features,
         }  # fmt: skip
 
     def _schema(self) -> Any:
@@ -355,8 +357,8 @@ class _Writer:
         lists = [(name, pa.list_(pa.float32(), len(names))) for name, names in _NAMES.items()]
         return pa.schema([*lists, ("timestamp", pa.float32()), *((name, pa.int64()) for name in _INDICES)])
 
-    def _file(self, form: str, *numbers: Any) -> Path:
-        path = self._out / form.format(*numbers)
+    def _file(self, form: str, chunk: int = 0, file: int = 0) -> Path:
+        path = self._out / form.format(video_key=_PICTURES, chunk_index=chunk, file_index=file)
         make_folder(path.parent)
         self._files.append(path)
         return path
@@ -375,14 +377,6 @@ def _tasks(pa: Any, tasks: list[str]) -> Any:
     ]
     index = {"index_columns": ["task"], "column_indexes": [], "columns": columns, "pandas_version": "2.0.0"}
     return table.replace_schema_metadata({_MIRRORS: json.dumps(index)})
-
-
-def _path_form(form: str) -> str:
-    """A pattern of file names with the names of LeRobot in it."""
-    names = iter(("{video_key}", "{chunk_index:03d}", "{file_index:03d}") if form == _VIDEO else
-                 ("{chunk_index:03d}", "{file_index:03d}"))  # fmt: skip
-    parts = form.replace("{:03d}", "{}").split("{}")
-    return "".join(part + next(names, "") for part in parts)
 
 
 def finish(out: Path, parts: int) -> list[Path]:
