@@ -37,7 +37,8 @@ _EXTRAS = {  # name of the extra, what it adds, its modules
     "films": ("video", "gif and mp4", "imageio_ffmpeg", "PIL"),
     "plots": ("plots", "plots of notebooks and examples", "matplotlib"),
     "studies": ("serve", "studies in a browser", "starlette", "uvicorn", "websockets"),
-    "parquet": ("parquet", "export and import of parquet", "pyarrow"),
+    "parquet": ("parquet", "tables, export to parquet and lerobot", "pyarrow"),
+    "hub": ("hub", "data sets on the Hugging Face Hub", "huggingface_hub", "upath"),
     "mcap": ("mcap", "export to mcap", "mcap", "rosbags"),
 }
 DIGEST = "64fe41c34dc0fabbc5bfd7b6c103561f"  # of the frames of the trial episode, the same on every machine

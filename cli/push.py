@@ -18,7 +18,7 @@ from .output import show_result
 @click.option("--private", is_flag=True, help="Only the owner sees the repository.")
 @click.option("--revision", metavar="BRANCH", help="Branch that receives the files.  [default: main]")
 @click.option("--message", metavar="TEXT", help="Message of the commit.")
-@click.option("--contributors", is_flag=True, help="Also upload runs that people drove, with the drivers' names.")
+@click.option("--personal", is_flag=True, help="Also upload drivers' names, and paths of controllers on this machine.")
 @json_option
 def command(folder: Path, name: str, **options: Any) -> None:
     """Upload a data set to the Hugging Face Hub.

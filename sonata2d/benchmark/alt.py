@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import orjson
 
+from ..core.arguments import whole_number
 from ..core.files.archives import read_npz, write_npz
 from ..core.files.limits import MAX_WEIGHTS_BYTES
 from ..core.files.optional import optional
@@ -24,6 +25,7 @@ from ..core.geometry import contact_times
 from ..core.portable_math import Array, IntArray
 from ..core.vectors import lengths, wrap_angles
 from ..core.wording import one_line
+from ..datasets.transforms.split import scene_key
 from ..errors import BenchmarkError
 from ..metrics.trajectory import Trajectory
 from ..record.files import read_bytes
@@ -302,7 +304,7 @@ def fit_alt_model(
 ) -> AltModel:
     """Learn an alt model from rated episodes; needs PyTorch (`pip install 'sonata2d[graph]'`).
 
-    Eight tenths of the episodes train the network, one tenth chooses the epoch, and one tenth measures the correlation.
+    Eight tenths of the scenes train the network, one tenth chooses the epoch, and one tenth measures the correlation.
     Half of the episodes in a batch are mirrored.
 
     Args:
@@ -317,21 +319,23 @@ def fit_alt_model(
         RecordError: an episode or a file of ratings is damaged.
     """
     torch = optional("torch", BenchmarkError, extra="graph")
+    whole_number("epochs", epochs, 1)
     table = {} if contexts is None else read_contexts(contexts)
     rated = rated_episodes(folders, fewest=_FEWEST, model="an alt model")
     target = np.array(rated.ratings)
-    rows, given = [], []
+    rows, given, scenes = [], [], []
     for file in rated.files:
         record = read_episode(file)
         rows.append(features_of(record))
         given.append(table.get(record.context or ""))
+        scenes.append(scene_key(record))
     known = [numbers for numbers in given if numbers is not None]
     typical = np.mean(known, axis=0) if known else np.full(len(CONTEXT), 0.5)
     context = np.array([typical if numbers is None else numbers for numbers in given])
     whole = [
         np.column_stack((each, np.tile(numbers, (len(each), 1)))) for each, numbers in zip(rows, context, strict=True)
     ]
-    train, chosen, kept = _parts(len(target), seed)
+    train, chosen, kept = _parts(scenes, seed)
     stacked = np.concatenate([whole[i] for i in train])
     scale = {"mean": stacked.mean(axis=0), "deviation": np.maximum(stacked.std(axis=0), 0.01)}
     scale["mean"][list(_MIRRORED)] = 0.0  # so that a mirrored episode differs in signs only
@@ -343,10 +347,22 @@ def fit_alt_model(
     return replace(model, correlation=round(rank_correlation(predicted, target[kept]), 3))
 
 
-def _parts(count: int, seed: int) -> tuple[IntArray, IntArray, IntArray]:
-    order = np.random.default_rng(seed).permutation(count)
-    tenth = count // 10
-    return order[2 * tenth :], order[tenth : 2 * tenth], order[:tenth]
+def _parts(scenes: Sequence[str], seed: int) -> tuple[IntArray, IntArray, IntArray]:
+    """The numbers of the episodes of each part; episodes of one scene stay together.
+
+    Raises:
+        BenchmarkError: there are too few scenes.
+    """
+    _, scene = np.unique(np.array(scenes), return_inverse=True)
+    count = int(scene.max()) + 1
+    if count < 10:
+        raise BenchmarkError(f"the rated episodes show {count} scenes; an alt model needs 10 or more")
+    rank, tenth = np.random.default_rng(seed).permutation(count)[scene], count // 10
+    return (
+        np.flatnonzero(rank >= 2 * tenth),
+        np.flatnonzero((rank >= tenth) & (rank < 2 * tenth)),
+        np.flatnonzero(rank < tenth),
+    )
 
 
 class _Data:
@@ -402,6 +418,8 @@ def _trained(torch: Any, data: _Data, train: IntArray, chosen: IntArray, epochs:
             least, best, since = found, {name: w.clone() for name, w in modules.state_dict().items()}, 0
         if since == _PATIENCE:
             break
+    if not best:
+        raise BenchmarkError("the error of the network is not finite in any epoch; check the ratings and the episodes")
     names = {
         "0.weight_ih_l0": "weight_ih", "0.weight_hh_l0": "weight_hh", "0.bias_ih_l0": "bias_ih",
         "0.bias_hh_l0": "bias_hh", "1.0.weight": "dense0.weight", "1.0.bias": "dense0.bias",

@@ -158,7 +158,10 @@ def rated_episodes(folders: Sequence[str | Path], *, fewest: int, model: str) ->
         for rating in given:
             by_hash.setdefault(rating.sha256, []).append(_position(rating))
             raters.add(rating.rater)
-        for file in files_of(folder):
+        files_here = files_of(folder)
+        if not given and read_episode(files_here[0]).document.get("imported") is None:
+            continue  # runs of sonata2d, which have no such labels
+        for file in files_here:
             own = by_hash.get(sha256_of(file), []) if given else _label(read_episode(file))
             if own:
                 files.append(file)

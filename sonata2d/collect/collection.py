@@ -34,6 +34,7 @@ from ..datasets.manifest import (
     row_of,
     write_json,
 )
+from ..datasets.tables import remove_tables
 from ..errors import ConfigError, RecordError
 from ..record.canonical import parse_header
 from ..record.files import SUFFIXES, file_stem, read_bytes, safe_name, safe_stem, write_atomically, write_document
@@ -246,6 +247,7 @@ class Collection:
             with explained(lock, "written"), FileLock(lock, timeout=10):
                 rows = _read_rows(self.folder, known)
                 manifest = manifest_of_runs(list(rows.values())) | {"split": _valid_split(self.folder, rows)}
+                remove_tables(self.folder)  # they would lack the new run; `sonata2d card` writes them again
                 write_manifest_and_card(self.folder, manifest)
         except RecordError as error:
             rows = rows or _read_rows(self.folder, known)

@@ -23,14 +23,14 @@ from ..record.files import sha256_of
 from ..record.layout import JsonDict
 from ..record.shard_file import SHARD_SUFFIX, shard_manifest_path
 from ..version import PHYSICS_VERSION
-from .card.write import count_differences, has_edited_card, write_card
+from .card.write import card_differences, has_edited_card, write_card
 from .check.manifests import check_shard, listed_shards
 from .check.verification import verify
 from .dataset import Dataset
 from .manifest.names import CARD, CROISSANT, MANIFEST, PREVIEW, SCENARIO, shard_card_path
 from .manifest.read import has_manifest
 from .manifest.rows import listing, read_manifest
-from .tables import write_tables
+from .tables import is_whole, write_tables
 
 _NAME = re.compile(r"[\w-][\w.-]*/[\w-][\w.-]*")
 _MAX_FILES = 10_000  # of a folder on the Hub
@@ -43,7 +43,7 @@ def push_dataset(
     private: bool = False,
     revision: str | None = None,
     message: str | None = None,
-    contributors: bool = False,
+    personal: bool = False,
 ) -> str:
     """Upload a data set to the Hugging Face Hub, as a data set repository.
 
@@ -57,21 +57,22 @@ def push_dataset(
         private: whether only its owner can see it.
         revision: branch that receives the files, created if needed; None: `main`.
         message: of the commit.
-        contributors: whether runs that people drove may be uploaded, which hold the names of their drivers.
+        personal: whether names of drivers, and the path of a controller on this machine, may be uploaded.
 
     Returns:
         The address of the page.
 
     Raises:
-        RecordError: the data set is incomplete, damaged, in a store or driven by people, has too many files, or has an
-            edited card with other counts; a package is not installed; the Hub cannot be reached, or refuses.
+        RecordError: the data set is incomplete, damaged, in a store or driven by people, names a path of this machine,
+            has too many files, or has an edited card with other counts or tables; a package is not installed; the Hub
+            cannot be reached, or refuses.
     """
     hub = optional("huggingface_hub", RecordError, extra="hub")
     optional("pyarrow", RecordError, extra="hub")
     folder = location(folder)
     if is_remote(folder):
         raise RecordError(f"{folder} is in a store; copy the data set to this machine and push the copy")
-    names = _prepared(folder, contributors)
+    names = _prepared(folder, personal)
     with _clear_errors(name):
         api = hub.HfApi()
         page = api.create_repo(name, repo_type="dataset", private=private or None, exist_ok=True)
@@ -87,7 +88,7 @@ def push_dataset(
             folder_path=folder,
             revision=revision,
             commit_message=message or f"Upload {folder.resolve().name} with sonata2d",
-            ignore_patterns=_others(folder, names),
+            allow_patterns=[glob.escape(name) for name in sorted(names)],
             delete_patterns="*",
         )
     return str(page)
@@ -125,14 +126,15 @@ def load(name: str | Path, *, revision: str | None = None, replay: int = 1) -> D
     if not has_manifest(folder):
         raise RecordError(f"{text} on the Hugging Face Hub is no data set of sonata2d: it has no {MANIFEST}")
     manifest = read_manifest(folder)
-    remedy = f"it was changed after its upload, or the download is damaged: remove {folder} to load it again"
+    cache = folder.parent.parent  # also of the contents, to which the files of a revision are links
+    remedy = f"it was changed after its upload, or the download is damaged: remove {cache} to load it again"
     _require_unchanged(folder, manifest, remedy)
     dataset = Dataset(folder)
     _replay(dataset, manifest, replay)
     return dataset
 
 
-def _prepared(folder: Path, contributors: bool) -> set[str]:
+def _prepared(folder: Path, personal: bool) -> set[str]:
     """Check a data set, bring its card and tables up to date, and return the names of the files to upload.
 
     Raises:
@@ -144,10 +146,16 @@ def _prepared(folder: Path, contributors: bool) -> set[str]:
         raise RecordError(f"{folder} is interrupted: it has {count}; complete it with generate --resume")
     sources = manifest.get("sources") or ()
     is_driven = manifest["collected"] or any(source["scenario"] is None for source in sources)
-    if is_driven and not contributors:
+    if (is_driven or manifest["counts"].get("contributor")) and not personal:
         raise RecordError(
             f"{folder} has runs that people drove, and the files hold the drivers' names; if all of them agree to the "
-            "publication, give --contributors (contributors=True)"
+            "publication, give --personal (personal=True)"
+        )
+    paths = [(source["controller"] or {}).get("path", "") for source in sources or (manifest,)]
+    if (absolute := [path for path in paths if path.startswith(("/", "~")) or path[1:3] == ":\\"]) and not personal:
+        raise RecordError(
+            f"{folder} names its controller by a path of this machine, {absolute[0]}; generate it again with a "
+            "relative path such as ./mine.py:Mine, or give --personal (personal=True) to publish the path"
         )
     names = {row["name"] for row in listing(manifest)}
     for shard in [folder / name for name in names if name.endswith(SHARD_SUFFIX)]:
@@ -155,23 +163,15 @@ def _prepared(folder: Path, contributors: bool) -> set[str]:
     _require_unchanged(folder, manifest, "restore it, or generate the data set again")
     if not has_edited_card(folder):
         write_card(folder)
-    elif differences := count_differences(folder, manifest):
-        raise RecordError(f"{folder / CARD} {differences[0]}; edit it, or write a new one with `sonata2d card`")
+    elif differences := card_differences(folder, manifest):
+        raise RecordError(f"{folder / CARD} {differences[0][1]}; edit it, or write a new one with `sonata2d card`")
+    for damaged in [path for path in write_tables(folder) if not is_whole(path)]:
+        damaged.unlink()
     names |= {path.name for path in write_tables(folder)}
     names |= {MANIFEST, CARD, CROISSANT, SCENARIO, PREVIEW}
     if len(names) > _MAX_FILES:
         raise RecordError(f"{folder} has {len(names)} files, the Hub takes {_MAX_FILES}; generate it with --shard-size")
     return names
-
-
-def _others(folder: Path, names: set[str]) -> list[str]:
-    """Patterns of everything in a folder but the named files."""
-    with os.scandir(folder) as entries:
-        return [
-            glob.escape(entry.name) + ("/*" if entry.is_dir() else "")
-            for entry in entries
-            if entry.is_dir() or entry.name not in names
-        ]
 
 
 def _require_unchanged(folder: Path, manifest: JsonDict, remedy: str) -> None:

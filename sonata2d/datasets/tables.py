@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -256,23 +256,8 @@ def write_tables(
         for number in done:
             advance(number)
     wanted = {f"{name}{ending}.parquet" for name in TABLES for ending in endings}
-    _remove(folder, _names_in(folder) - wanted)
+    _remove(folder, table_names(folder) - wanted)
     return [folder / name for name in sorted(wanted)]
-
-
-def write_tables_as(folder: Path, sources: Sequence[Path], workers: int | Executor | Workers = 1) -> None:
-    """Write the tables of a data set if all data sets from which it comes have some; remove them without pyarrow.
-
-    Args:
-        folder: of the data set.
-        sources: folders of the data sets.
-        workers: as of `write_tables`.
-    """
-    if all(map(_names_in, sources)):
-        if has_pyarrow():
-            write_tables(folder, workers=workers)
-        else:
-            remove_tables(folder)
 
 
 def tables_are_stale(folder: Path, manifest: JsonDict) -> bool:
@@ -285,31 +270,45 @@ def tables_are_stale(folder: Path, manifest: JsonDict) -> bool:
     Raises:
         RecordError: pyarrow is not installed.
     """
-    present = _names_in(folder)
+    present = table_names(folder)
     try:
         parts = list(_parts(folder, manifest)) if present else []
     except RecordError:
         return False
     names = {f"{name}{part.ending}.parquet": part.mark for part in parts for name in TABLES}
-    is_current = present == set(names) and all(_mark_of(folder / name) == mark for name, mark in names.items())
-    return bool(present) and not is_current
+    surplus = [name for name in present - set(names) if _mark_of(folder / name)]
+    are_current = all(_mark_of(folder / name) == mark and is_whole(folder / name) for name, mark in names.items())
+    return bool(present) and (bool(surplus) or not are_current)
+
+
+def is_whole(path: Path) -> bool:
+    """Whether the checksums of all pages of a table are right."""
+    pa, pq = pyarrow()
+    try:
+        with path.open("rb") as file, pq.ParquetFile(file, page_checksum_verification=True) as table:
+            for _ in table.iter_batches(10_000):
+                pass
+    except (OSError, ValueError, pa.ArrowException):
+        return False
+    return True
 
 
 def remove_tables(folder: Path) -> None:
     """Remove the tables of a data set."""
-    _remove(folder, _names_in(folder))
+    _remove(folder, table_names(folder))
 
 
 def _remove(folder: Path, names: set[str]) -> None:
-    """Delete files of a folder, so that a power cut does not bring them back."""
+    """Delete tables of a folder, so that a power cut does not bring them back; files of others stay."""
+    names = {name for name in names if not has_pyarrow() or _mark_of(folder / name) != ""}
     for name in names:
         delete(folder / name)
     if names and not is_remote(folder):
         sync_folder(folder)
 
 
-def _names_in(folder: Path) -> set[str]:
-    """The names of the tables in a folder."""
+def table_names(folder: Path) -> set[str]:
+    """The names of the tables in a folder; other files may have such names as well."""
     return {name for name in file_names(folder) if _NAME.fullmatch(name)}
 
 
@@ -363,7 +362,7 @@ def _write_part(out: Path, key: Any, part: _Part) -> int:
 
 
 def _mark_of(path: Path) -> str | None:
-    """The mark of a file; None if there is none, or it is damaged."""
+    """The mark of a file, empty in a file of another program; None if there is no file, or it is damaged."""
     pa, pq = pyarrow()
     try:
         with path.open("rb") as file:

@@ -42,7 +42,7 @@ class Options(FloatFields):
         robot: of several robots, the number of the one that is exported as the robot, 0 the first.
         robots_as: what the other robots are exported as, `people` or `objects`.
         questions: number of questions about an episode; None: as the format has them.
-        pictures: whether questions come with a picture of the moment.
+        pictures: whether questions come with a picture of the moment, and episodes of `lerobot` with a film.
     """
 
     original: bool = False
@@ -182,6 +182,23 @@ def require_robot(record: EpisodeRecord, format: str) -> None:
             f"the episode has no recorded robot, but {format} describes what a robot observes",
             "export to csv, trajnet, npz or parquet",
         )
+
+
+def require_task(record: EpisodeRecord, format: str) -> None:
+    """Check that robot, commands and goal were recorded, and are not the stand-ins that an import adds.
+
+    Raises:
+        UnsuitableEpisode: the source of an imported episode lacks one.
+    """
+    require_robot(record, format)
+    lacks = record.document.get("imported", {}).get("lacks", ())
+    for key in ("frames.command", "goal"):
+        if key in lacks:
+            raise UnsuitableEpisode(
+                record.path,
+                f"the episode has no recorded {key.removeprefix('frames.')}, but {format} is to learn from",
+                "export to csv, trajnet, npz or parquet",
+            )
 
 
 def require_consecutive_ids(record: EpisodeRecord, format: str) -> None:

@@ -39,7 +39,7 @@ from ..errors import RecordError, UnsuitableEpisode
 from ..record.files import write_atomically
 from ..record.record import EpisodeRecord
 from .chat.words import instruction
-from .format import Format, Options, Tables, require_robot
+from .format import Format, Options, Tables, require_even_times, require_task
 
 NAME = "lerobot"
 PEOPLE, RAYS, RANGE = 8, 36, 10.0  # nearest people; rays of the scanner, and their range, m
@@ -63,7 +63,7 @@ _NAMES = {
     "action": ("vx", "vy", "omega"),
 }  # fmt: skip
 _INDICES = ("frame_index", "episode_index", "index", "task_index")
-_MIRRORS = "pandas"  # key of the metadata from which pandas takes the index of a table
+_PANDAS = "pandas"  # key of the metadata from which pandas takes the index of a table
 
 Statistics = dict[str, dict[str, Array]]  # by feature and name
 
@@ -144,15 +144,20 @@ def pack(record: EpisodeRecord, key: str, options: Options) -> _Packed:
         options: `pictures` adds the film.
 
     Raises:
-        UnsuitableEpisode: the robot was not recorded, the episode has no frame, or it has no whole number of frames per
-            second.
+        UnsuitableEpisode: robot, commands or goal were not recorded, the episode has no frame, its times are uneven, or
+            it has no whole number of frames per second.
     """
-    require_robot(record, NAME)
+    require_task(record, NAME)
+    require_even_times(record, NAME)
     scene, dt = record.scene(), record.scene().rules.dt
     if not len(record):
         raise UnsuitableEpisode(record.path, "the episode has no frame", "leave out such episodes")
     if abs(1.0 / dt - round(1.0 / dt)) > 1e-6:
-        raise UnsuitableEpisode(record.path, f"a frame lasts {dt} s, and {NAME} needs whole frames per second", "")
+        raise UnsuitableEpisode(
+            record.path,
+            f"a frame lasts {dt} s, and {NAME} needs whole frames per second",
+            "generate with a tick such as 0.1 s",
+        )
     snapshots = [record.snapshot(t) for t in range(len(record))]
     observe = Observer(scene)
     rows = [observe(snapshot) for snapshot in snapshots]
@@ -236,8 +241,10 @@ def write(episodes: Iterator[_Packed], out: Path, number: int | None) -> list[Pa
         RecordError: pyarrow is not installed, the folder holds a data set, the episodes differ in frames per second or
             in what they have, or a file cannot be written.
     """
-    if (out / "meta" / "info.json").exists():
-        raise RecordError(f"{out} holds a LeRobot data set; choose another folder")
+    if out.exists() and not out.is_dir():
+        raise RecordError(f"{out} is a file; a data set needs a folder, choose another name")
+    if any((out / name).exists() for name in ("meta", "data", "videos")):
+        raise RecordError(f"{out} holds a LeRobot data set, or the beginning of one; choose another folder")
     writer = _Writer(out)
     try:
         with ExitStack() as whole:
@@ -376,7 +383,7 @@ def _tasks(pa: Any, tasks: list[str]) -> Any:
         for name, (kind, numpy_kind) in kinds.items()
     ]
     index = {"index_columns": ["task"], "column_indexes": [], "columns": columns, "pandas_version": "2.0.0"}
-    return table.replace_schema_metadata({_MIRRORS: json.dumps(index)})
+    return table.replace_schema_metadata({_PANDAS: json.dumps(index)})
 
 
 def finish(out: Path, parts: int) -> list[Path]:

@@ -68,7 +68,7 @@ def finish(out: Path, parts: int) -> list[Path]:
     """
     for file in file_names(out):
         name, _, number = file.removesuffix(".parquet").rpartition("-")
-        is_older = file.endswith(".parquet") and (name or number) in _OLDER
+        is_older = file in {f"{older}.parquet" for older in _OLDER} or (name in _OLDER and number.isdecimal())
         if is_older or (name in TABLES and number.isdecimal() and int(number) >= parts):
             delete(out / file)
     for name in TABLES if parts else ():

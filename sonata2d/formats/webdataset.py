@@ -22,6 +22,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -31,13 +32,13 @@ import orjson
 from ..core.files.locations import delete, file_names, make_folder
 from ..core.geometry import Disc
 from ..core.relations import RELATIONS
-from ..datasets.manifest.names import part_path, shard_name
+from ..datasets.manifest.names import part_path, shard_name, shard_number
 from ..errors import RecordError
 from ..record.layout import HUMAN_NAMES
 from ..record.record import EpisodeRecord
 from ..record.shard_file import ShardWriter
 from .chat.words import instruction
-from .format import ROBOT_OPTIONS, Format, Options, Tables, require_robot
+from .format import ROBOT_OPTIONS, Format, Options, Tables, require_task
 
 NAME = "webdataset"
 
@@ -59,9 +60,9 @@ def pack(record: EpisodeRecord, key: str, options: Options) -> _Sample:
         options: not used.
 
     Raises:
-        UnsuitableEpisode: the robot was not recorded.
+        UnsuitableEpisode: robot, commands or goal were not recorded.
     """
-    require_robot(record, NAME)
+    require_task(record, NAME)
     scene, count = record.scene(), len(record)
     scalars = {
         "outcome": record.outcome.status, "family": record.family, "seed": record.seed,
@@ -100,19 +101,22 @@ def write(episodes: Iterator[_Sample], out: Path, number: int | None) -> list[Pa
         out: the folder; created if needed.
         number: of the part, whose file is `shard-000007.tar`; None: all episodes are in `shard-000000.tar`.
 
+    Returns:
+        The file; none without episodes.
+
     Raises:
-        RecordError: the file cannot be written, or two episodes have the same name.
+        RecordError: the file cannot be written.
     """
     if out.exists() and not out.is_dir():
         raise RecordError(f"{out} is a file; shards need a folder, choose another name")
+    first = next(episodes, None)
+    if first is None:
+        return []
     make_folder(out)
-    path, keys = out / shard_name(number or 0), set[str]()
+    path = out / shard_name(number or 0)
     with ShardWriter(path, part_path(path)) as shard:
-        for episode in episodes:
-            key = episode.key.replace("/", "__").replace(".", "_")  # the first dot ends a key
-            if key in keys:
-                raise RecordError(f"two episodes are named {key}; rename one file")
-            keys.add(key)
+        for episode in chain((first,), episodes):
+            key = episode.key.replace("%", "%25").replace(".", "%2E").replace("/", "__")  # the first dot ends a key
             for name, data in episode.files.items():
                 shard.add(f"{key}.{name}", data)
         shard.finish()
@@ -123,7 +127,8 @@ def finish(out: Path, parts: int) -> list[Path]:
     """Remove the shards of a former export that this one does not have."""
     kept = {shard_name(number) for number in range(max(parts, 1))}
     for name in file_names(out):
-        if name.startswith("shard-") and name.endswith(".tar") and name not in kept:
+        number = shard_number(name)
+        if number is not None and name == shard_name(number) and name not in kept:
             delete(out / name)
     return []
 

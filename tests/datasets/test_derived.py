@@ -135,7 +135,7 @@ def test_check_finds_a_merged_file_that_differs_from_its_source(both: Path, tmp_
     manifest["sources"][0]["files"].pop()
     manifest["split"] = {"train": ["one__000000.json", "one__000000.json", "none.json"]}
     path.write_text(json.dumps(manifest))
-    assert [problem.place for problem in verify(tmp_path / "both")] == ["sources", "split", "split", "split"]
+    assert [problem.place for problem in verify(tmp_path / "both")] == ["sources", "split", "split", "split", "tables"]
 
 
 def test_the_same_episode_is_not_merged_twice_whatever_its_compression(original: Path, tmp_path: Path) -> None:
@@ -238,7 +238,7 @@ def test_an_edited_card_stays_until_it_is_written_again(tmp_path: Path) -> None:
     card = folder / "README.md"
     split_dataset(folder, HALVES)
     written = card.read_text()
-    assert "path: frames-train-*.parquet" in written
+    assert 'path: "frames-train-*.parquet"' in written
     edited = written.replace("## Units", "## Notes of the author\nThe lab moved.\n\n## Units")
     card.write_text(edited)
     for change in (

@@ -141,7 +141,7 @@ def test_what_cannot_be_published_is_refused_before_the_upload(
     with pytest.raises(RecordError, match="is interrupted: it has 5 of 9 episodes; complete it with generate --resume"):
         push_dataset(folder, NAME)
     changed(complete=True, episodes=5, collected=True)
-    with pytest.raises(RecordError, match=r"has runs that people drove.*--contributors"):
+    with pytest.raises(RecordError, match=r"has runs that people drove.*--personal"):
         push_dataset(folder, NAME)
     changed(collected=False)
     monkeypatch.setattr("sonata2d.datasets.hub._MAX_FILES", 5)

@@ -8,6 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
+import yaml
 
 import sonata2d as s2
 from sonata2d.datasets import (
@@ -20,7 +21,7 @@ from sonata2d.datasets import (
     write_card,
     write_tables,
 )  # fmt: skip
-from sonata2d.errors import RecordError
+from sonata2d.errors import DatasetWarning, RecordError
 
 pa = pytest.importorskip("pyarrow", reason="pyarrow comes with the parquet extra")
 pq = pytest.importorskip("pyarrow.parquet")
@@ -100,7 +101,7 @@ def test_a_split_is_one_of_the_tables(visited: Path, tmp_path: Path) -> None:
     rows = rows_of(tmp_path / "runs", "episodes-held_out-*.parquet")
     assert [f"{row['episode_id']}.json" for row in rows] == split["held-out"]
     card = (tmp_path / "runs" / "README.md").read_text()
-    assert "  - split: held_out\n    path: frames-held_out-*.parquet\n" in card
+    assert '  - split: "held_out"\n    path: "frames-held_out-*.parquet"\n' in card
     assert verify(tmp_path / "runs") == []
 
 
@@ -138,6 +139,69 @@ def test_without_pyarrow_nothing_is_written_and_a_wish_is_refused(
     generate_dataset(tmp_path / "runs", VISITED, episodes=1, progress=False)
     write_card(tmp_path / "runs")
     assert not list((tmp_path / "runs").glob("*.parquet"))
+    assert verify(tmp_path / "runs") == []
+
+
+def test_names_of_parts_do_not_collide_and_are_texts_in_the_card(visited: Path, tmp_path: Path) -> None:
+    shutil.copytree(visited, tmp_path / "runs")
+    with pytest.raises(ValueError, match="the parts a-b, a_b would have tables of the same names; rename one"):
+        split_dataset(tmp_path / "runs", {"a-b": 1, "a_b": 1})
+    split_dataset(tmp_path / "runs", {"0": 1, "no": 1})
+    header = yaml.safe_load((tmp_path / "runs" / "README.md").read_text().split("---\n")[1])
+    assert [each["split"] for each in header["configs"][0]["data_files"]] == ["0", "no"]
+    assert verify(tmp_path / "runs") == []
+
+
+def test_a_card_that_names_other_tables_is_found(visited: Path, tmp_path: Path) -> None:
+    shutil.copytree(visited, tmp_path / "runs")
+    card = tmp_path / "runs" / "README.md"
+    card.write_text(card.read_text() + "My notes.\n")
+    with pytest.warns(DatasetWarning, match="was edited"):
+        split_dataset(tmp_path / "runs", {"train": 1, "test": 1})
+    (problem,) = verify(tmp_path / "runs")
+    assert 'names other tables under `configs` than the data set has: "frames-train-*.parquet"' in str(problem)
+    assert problem.place == "tables"
+
+
+def test_a_damaged_table_is_found(visited: Path, tmp_path: Path) -> None:
+    shutil.copytree(visited, tmp_path / "runs")
+    table = tmp_path / "runs" / "frames-00000.parquet"
+    data = bytearray(table.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 300] = bytes(byte ^ 255 for byte in data[middle : middle + 300])
+    table.write_bytes(data)
+    (problem,) = verify(tmp_path / "runs")
+    assert "do not hold the present episodes" in str(problem)
+
+
+def test_tables_of_other_programs_stay(visited: Path, tmp_path: Path) -> None:
+    shutil.copytree(visited, tmp_path / "runs")
+    other = tmp_path / "runs" / "frames-mine-00000.parquet"
+    pq.write_table(pa.table({"x": [1]}), other)
+    write_tables(tmp_path / "runs")
+    assert other.exists()
+    assert verify(tmp_path / "runs") == []
+
+
+def test_a_card_names_tables_only_where_there_are_some(visited: Path, tmp_path: Path) -> None:
+    assert "configs:" in (visited / "README.md").read_text()
+    generate_dataset(tmp_path / "without", VISITED, episodes=1, tables=False, progress=False)
+    assert "configs:" not in (tmp_path / "without" / "README.md").read_text()
+    # else Hugging Face would take the manifests of shards for the data
+    generate_dataset(tmp_path / "shards", VISITED, episodes=1, shard_size=1, tables=False, progress=False)
+    assert "configs:" in (tmp_path / "shards" / "README.md").read_text()
+
+
+def test_a_failed_write_of_tables_says_that_the_episodes_are_complete(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(module, "_write_all", fail)
+    with pytest.raises(RecordError, match=r"No space left.*the episodes are complete, and `sonata2d card .*runs`"):
+        generate_dataset(tmp_path / "runs", VISITED, episodes=1, progress=False)
+    assert len(s2.Dataset(tmp_path / "runs")) == 1
     assert verify(tmp_path / "runs") == []
 
 

@@ -14,7 +14,7 @@ import sonata2d as s2
 from sonata2d.agents.sensors.base import SensorNoise
 from sonata2d.agents.sensors.lidar import Lidar
 from sonata2d.errors import RecordError
-from sonata2d.formats import Options, export_to
+from sonata2d.formats import Options, export_to, import_from, lerobot
 from sonata2d.formats.lerobot import PEOPLE, RAYS, Observer
 
 pa = pytest.importorskip("pyarrow", reason="pyarrow comes with the parquet extra")
@@ -116,7 +116,7 @@ def test_films_show_the_room_from_above(runs: Path, tmp_path: Path) -> None:
 
 
 def test_what_lerobot_cannot_hold_is_refused(runs: Path, exported: Path, tmp_path: Path) -> None:
-    with pytest.raises(RecordError, match="holds a LeRobot data set; choose another folder"):
+    with pytest.raises(RecordError, match="holds a LeRobot data set, or the beginning of one; choose another folder"):
         export_to(runs, "lerobot", exported)
     with pytest.raises(RecordError, match="the format lerobot has no shards"):
         export_to(runs, "lerobot", tmp_path / "parts", shard_size=2)
@@ -132,6 +132,36 @@ def test_what_lerobot_cannot_hold_is_refused(runs: Path, exported: Path, tmp_pat
     s2.generate_dataset(tmp_path / "quick", quick, episodes=1, progress=False)
     result = export_to(tmp_path / "quick", "lerobot", tmp_path / "rates")
     assert "a frame lasts 0.15 s" in str(result.skipped[0])
+
+
+def test_large_data_sets_have_several_files(runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lerobot, "_CHUNK", 2)
+    export_to(runs, "lerobot", tmp_path / "parts")
+    places = [f"chunk-{chunk:03d}/file-{file:03d}" for chunk, file in ((0, 0), (0, 1), (1, 0))]
+    rows = [row for place in places for row in table(tmp_path / "parts", f"data/{place}")]
+    episodes = [row for place in places for row in table(tmp_path / "parts", f"meta/episodes/{place}")]
+    assert [row["index"] for row in rows] == list(range(sum(map(len, s2.Dataset(runs)))))
+    assert [row["episode_index"] for row in episodes] == list(range(5))
+    assert [(row["data/chunk_index"], row["data/file_index"]) for row in episodes] == [
+        (0, 0), (0, 0), (0, 1), (0, 1), (1, 0)
+    ]  # fmt: skip
+    statistics = json.loads((tmp_path / "parts/meta/stats.json").read_text())["action"]
+    assert statistics["std"] == pytest.approx(np.std([row["action"] for row in rows], axis=0), abs=1e-4)
+
+
+@pytest.mark.parametrize("format", ["lerobot", "webdataset"])
+def test_runs_without_commands_are_skipped(runs: Path, tmp_path: Path, format: str) -> None:
+    export_to(s2.Dataset(runs)[:1], "socnav3", tmp_path / "raw")
+    (file,) = (tmp_path / "raw").glob("*.json")
+    content = json.loads(file.read_text())
+    del content["sonata2d"]
+    for step in content["sequence"]:
+        step.pop("sonata2d", None)
+    file.write_text(json.dumps(content))
+    import_from(tmp_path / "raw", "socnav3", tmp_path / "imported")
+    result = export_to(tmp_path / "imported", format, tmp_path / "out")
+    assert "has no recorded command" in str(result.skipped[0])
+    assert result.files == []
 
 
 def test_lerobot_reads_the_data_set(exported: Path, runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:

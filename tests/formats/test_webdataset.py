@@ -15,6 +15,7 @@ import pytest
 import sonata2d as s2
 from sonata2d.core.relations import RELATIONS
 from sonata2d.formats import export_to
+from sonata2d.record.files import read_stored
 
 VISITED = s2.ScenarioConfig(standing=(0, 2), wandering=(0, 2), tables=1, at_laptop=(0, 1), plants=0,
                             doors=[{"inflow": 8}], rules={"time_limit": 8.0})  # fmt: skip
@@ -71,6 +72,18 @@ def test_parts_have_the_samples_of_the_whole_and_replace_a_former_export(runs: P
     whole, parts = (samples_in(tmp_path / name) for name in ("whole", "parts"))
     assert [*whole] == [*parts]
     assert all((whole[key]["robot.npy"] == parts[key]["robot.npy"]).all() for key in whole)
+
+
+def test_keys_are_unique_and_other_files_stay(runs: Path, tmp_path: Path) -> None:
+    (tmp_path / "named").mkdir()
+    for name, file in zip(("a.b", "a_b"), s2.Dataset(runs).files, strict=False):
+        (tmp_path / "named" / f"{name}.json").write_bytes(read_stored(file))
+    (tmp_path / "arrays").mkdir()
+    (tmp_path / "arrays" / "shard-train-000000.tar").write_bytes(b"mine")
+    export_to(tmp_path / "named", "webdataset", tmp_path / "arrays", shard_size=1)
+    assert (tmp_path / "arrays" / "shard-train-000000.tar").read_bytes() == b"mine"
+    (tmp_path / "arrays" / "shard-train-000000.tar").unlink()
+    assert [*samples_in(tmp_path / "arrays")] == ["a%2Eb", "a_b"]
 
 
 @pytest.mark.parametrize("scenario", [VISITED, s2.load_scenario("empty")])

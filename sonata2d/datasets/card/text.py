@@ -28,12 +28,13 @@ def template(name: str) -> Any:
     return environment.get_template(name)
 
 
-def card_text(manifest: JsonDict, licence: str | None = None) -> str:
-    """The text of a card, from the manifest alone.
+def card_text(manifest: JsonDict, licence: str | None = None, *, has_tables: bool = False) -> str:
+    """The text of a card, from the manifest.
 
     Args:
         manifest: manifest of the data set.
         licence: as of `write_card`; by default `cc-by-4.0`, or `other` for recorded pedestrians.
+        has_tables: whether there are tables beside the episodes.
     """
     totals = totals_of(manifest["files"])
     sources = manifest.get("sources") or []
@@ -58,11 +59,29 @@ def card_text(manifest: JsonDict, licence: str | None = None) -> str:
         frames=totals.frames,
         contacts=totals.contacts,
         excess=totals.excess,
-        tables={part: f"{table_name(part)}-" if manifest["split"] else "" for part in manifest["split"] or ("train",)}
-        if manifest["complete"] and not manifest.get("shard")
-        else {},
+        configs=configs_of(manifest, has_tables),
     )
     return text
+
+
+def configs_of(manifest: JsonDict, has_tables: bool) -> str:
+    """The lines of the front matter that name the tables, for Hugging Face; empty without tables.
+
+    A data set in shards always has them: without, Hugging Face would take the manifests for the data.
+
+    Args:
+        manifest: of the data set.
+        has_tables: whether there are tables beside the episodes.
+    """
+    if not manifest["complete"] or manifest.get("shard") or not (has_tables or "shards" in manifest):
+        return ""
+    names = {table_name(part): f"{table_name(part)}-" for part in manifest["split"] or ()} or {"train": ""}
+    lines = ["configs:"]
+    for table in ("frames", "episodes"):
+        lines += [f"- config_name: {table}", *(["  default: true"] if table == "frames" else ()), "  data_files:"]
+        for part, prefix in names.items():  # in quotes, since YAML takes some words and numbers for other types
+            lines += [f"  - split: {json.dumps(part)}", f"    path: {json.dumps(f'{table}-{prefix}*.parquet')}"]
+    return "".join(f"{line}\n" for line in lines)
 
 
 def _other_robots(manifest: JsonDict) -> str:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import hashlib
 import re
 import warnings
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ...core.files.locations import location
+from ...core.notebook import Advance
 from ...errors import DatasetWarning, RecordError
 from ...record.files import read_bytes, read_stored, read_text, write_atomically
 from ...record.layout import JsonDict
@@ -20,9 +22,9 @@ from ...workers.executors import Workers
 from ..manifest.names import CARD, CROISSANT, MANIFEST, SCENARIO
 from ..manifest.rows import listing, read_manifest, warn_if_incomplete
 from ..manifest.write import json_bytes, write_json
-from ..tables import has_pyarrow, write_tables
+from ..tables import has_pyarrow, remove_tables, table_names, write_tables
 from .croissant import Publication, croissant_metadata, stored_publication
-from .text import card_text, default_licence
+from .text import card_text, configs_of, default_licence
 
 _SEAL = re.compile(r"<!-- written by sonata2d, SHA-256 of the text above: ([0-9a-f]{64}) -->\n")
 
@@ -49,7 +51,7 @@ def write_manifest_and_card(folder: Path, manifest: JsonDict, *, licence: str | 
     licence = licence or _licence(folder, stored, described)
     is_edited = has_edited_card(folder)
     if not is_edited:
-        _write_text(folder, card_text(described, licence))
+        _write_text(folder, card_text(described, licence, has_tables=bool(table_names(folder))))
     if (folder / CROISSANT).is_file():
         _write_metadata(folder, described, data, replace(stored, licence=licence))
     write_atomically(folder / MANIFEST, data)
@@ -111,14 +113,48 @@ def write_card(
         "date": date, "version": version, "creator": creator, "organisation": organisation, "url": url,
     }  # fmt: skip
     stated = {name: value for name, value in statements.items() if value is not None}
-    _write_metadata(folder, manifest, read_stored(folder / MANIFEST), replace(stored, licence=chosen, **stated))
-    _write_text(folder, card_text(manifest, chosen))
     if has_pyarrow() and manifest["complete"]:
         try:
             write_tables(folder, workers=workers)
-        except RecordError as error:  # the card is there; a damaged episode or split is no reason to lose it
+        except RecordError as error:  # a damaged episode or split is no reason to have no card
             warnings.warn(f"the tables of {folder} were not written: {error}", DatasetWarning, stacklevel=2)
+    _write_metadata(folder, manifest, read_stored(folder / MANIFEST), replace(stored, licence=chosen, **stated))
+    _write_text(folder, card_text(manifest, chosen, has_tables=bool(table_names(folder))))
     return folder / CARD
+
+
+def write_tables_and_card(
+    folder: Path, *, workers: int | Executor | Workers = 1, advance: Advance = lambda step: None
+) -> None:
+    """Write the tables of a data set, and its card again, which names them; an edited card stays.
+
+    Args:
+        folder: of the data set.
+        workers, advance: as of `write_tables`.
+
+    Raises:
+        RecordError: as of `write_tables`.
+    """
+    write_tables(folder, workers=workers, advance=advance)
+    if not has_edited_card(folder):
+        manifest = _with_settings(folder, read_manifest(folder))
+        licence = _licence(folder, stored_publication(folder), manifest)
+        _write_text(folder, card_text(manifest, licence, has_tables=True))
+
+
+def write_tables_as(folder: Path, sources: Sequence[Path], workers: int | Executor | Workers = 1) -> None:
+    """Write the tables of a data set if all data sets from which it comes have some; remove them without pyarrow.
+
+    Args:
+        folder: of the data set.
+        sources: folders of the data sets.
+        workers: as of `write_tables`.
+    """
+    if all(map(table_names, sources)):
+        if has_pyarrow():
+            write_tables_and_card(folder, workers=workers)
+        else:
+            remove_tables(folder)
 
 
 def _write_metadata(folder: Path, manifest: JsonDict, data: bytes, publication: Publication) -> None:
@@ -164,8 +200,11 @@ def licence_of(folder: Path) -> str:
     return _licence(folder, stored_publication(folder), _with_settings(folder, read_manifest(folder)))
 
 
-def count_differences(folder: Path, manifest: JsonDict) -> list[str]:
-    """Differences between the counts in a card and in a manifest; none for a card without counts."""
+def card_differences(folder: Path, manifest: JsonDict) -> list[tuple[str, str]]:
+    """Differences between the counts and tables in a card and in a manifest: a place and a message for each.
+
+    A card without counts or tables has none.
+    """
     text = read_text(folder / CARD)
     table = re.search(r"^\| outcome \| episodes \|\n\| -.*\n((?:\|.*\n)*)", text, re.MULTILINE)
     frames = re.search(r"^(\d+) frames in (?:total|all)\.", text, re.MULTILINE)
@@ -173,10 +212,17 @@ def count_differences(folder: Path, manifest: JsonDict) -> list[str]:
     if table:
         stated = {name: int(count) for name, count in re.findall(r"^\| (.+?) \| (\d+) \|$", table[1], re.MULTILINE)}
         if stated != manifest["counts"]["outcome"]:
-            differences.append(f"states the outcomes {stated}, the manifest {manifest['counts']['outcome']}")
+            differences.append(
+                ("counts", f"states the outcomes {stated}, the manifest {manifest['counts']['outcome']}")
+            )
     total = sum(row["ticks"] for row in listing(manifest))  # the rows of shards have the sums of their episodes
     if frames and int(frames[1]) != total:
-        differences.append(f"states {frames[1]} frames, the manifest {total}")
+        differences.append(("counts", f"states {frames[1]} frames, the manifest {total}"))
+    configs = re.search(r"^configs:\n(?:(?:- |  ).*\n)*", text, re.MULTILINE)
+    expected = configs_of(manifest, has_tables=bool(table_names(folder)))
+    if configs and configs[0] != expected:
+        named = ", ".join(re.findall(r"path: (.*)", expected)) or "none"
+        differences.append(("tables", f"names other tables under `configs` than the data set has: {named}"))
     return differences
 
 

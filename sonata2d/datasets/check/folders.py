@@ -13,7 +13,7 @@ from ...record.files import read_bytes
 from ...record.layout import JsonDict
 from ...record.shard_file import SHARD_SUFFIX, shard_manifest_path
 from ..card.croissant import croissant_findings
-from ..card.write import count_differences
+from ..card.write import card_differences
 from ..manifest.names import (
     CARD,
     CROISSANT,
@@ -36,8 +36,8 @@ def folder_problems(folder: Path, manifest: JsonDict) -> Iterator[Problem]:
     yield from _scenario_problems(folder, manifest)
     if not (folder / CARD).is_file():  # its text may be anything, apart from the counts
         yield Problem(CARD, "file", "is missing; write it with `sonata2d card`", is_warning=True)
-    for difference in count_differences(folder, manifest) if manifest["complete"] else ():
-        yield Problem(CARD, "counts", f"{difference}; write it again with `sonata2d card`")
+    for place, difference in card_differences(folder, manifest) if manifest["complete"] else ():
+        yield Problem(CARD, place, f"{difference}; write it again with `sonata2d card`")
     if manifest["complete"] and has_pyarrow() and tables_are_stale(folder, manifest):
         message = "do not hold the present episodes; write them again with `sonata2d card`"
         yield Problem("frames-*.parquet", "tables", message, is_warning=True)

@@ -33,14 +33,14 @@ from ...sim.driver import controller_info_of
 from ...workers.executors import Workers, shared_workers
 from ...workers.processes import end_if_unguarded
 from ...workers.tasks import Call, RaisedInWorker
-from ..card.write import write_manifest_and_card
+from ..card.write import write_manifest_and_card, write_tables_and_card
 from ..dataset import Dataset
 from ..manifest.names import FAILED, MANIFEST, SCENARIO
 from ..manifest.read import read_document
 from ..manifest.rows import with_rows
 from ..manifest.write import sum_of, write_json
 from ..summaries import commands_warning
-from ..tables import has_pyarrow, pyarrow, write_tables
+from ..tables import has_pyarrow, pyarrow
 from .batches import batch_runner, cut_shard, existing_batches, remove_split, remove_surplus
 from .episodes import FAILURES, Job, created, is_failure
 from .progress import Batch, Progress, append_to_log, log_excluded
@@ -146,7 +146,11 @@ def generate_dataset(
         manifest = run.completed(Progress(spec, batches), split)
         if tables:
             with bar_of(progress)(episodes, "episodes in tables") as advance_tables:
-                write_tables(out, workers=run_workers, advance=advance_tables)
+                try:
+                    write_tables_and_card(out, workers=run_workers, advance=advance_tables)
+                except RecordError as error:
+                    text = f"{error}; the episodes are complete, and `sonata2d card {out}` writes the tables"
+                    raise RecordError(text) from error
     warning = None if is_built_in(loaded) else commands_warning(manifest["files"], name)
     if warning is not None:
         warnings.warn(warning, ControllerWarning, stacklevel=2)

@@ -15,13 +15,12 @@ from ...core.notebook import Advance
 from ...errors import RecordError
 from ...record.files import read_bytes, safe_text, write_atomically
 from ...record.layout import JsonDict, software_versions
-from ..card.write import licence_of, write_manifest_and_card
+from ..card.write import licence_of, write_manifest_and_card, write_tables_as
 from ..manifest.names import shard_name
 from ..manifest.read import DATASET_FORMAT, DATASET_VERSION, SHARDED_VERSION
 from ..manifest.rows import read_listed_file, read_shard, read_stored_manifest, with_rows
 from ..manifest.write import COUNTED, counts_of
 from ..shards import write_shard
-from ..tables import write_tables_as
 from .new_folder import new_folder
 
 _EQUAL_KEYS = ("physics", "precision")  # manifest keys that must be equal in all sources

@@ -31,7 +31,7 @@ from ...record.record import EpisodeRecord, record_from_document
 from ...workers.executors import Workers, parallel_map, shared_workers
 from ...workers.processes import end_if_unguarded
 from ...workers.tasks import stop_if_over, stop_if_unwanted
-from ..card.write import licence_of, write_manifest_and_card
+from ..card.write import licence_of, write_manifest_and_card, write_tables_as
 from ..manifest.names import SCENARIO
 from ..manifest.read import read_document
 from ..manifest.rows import (
@@ -43,7 +43,6 @@ from ..manifest.rows import (
     with_rows,
 )
 from ..shards import write_shard
-from ..tables import write_tables_as
 from .new_folder import new_folder
 
 MARK = "-mirror"  # suffix of the id and the file name of a mirrored episode

@@ -18,10 +18,10 @@ from ...record.layout import JsonDict, scene_to_json
 from ...record.reader import read_episode
 from ...record.record import EpisodeRecord
 from ...workers.executors import Workers, parallel_map, shared_workers
-from ..card.write import write_manifest_and_card
+from ..card.write import write_manifest_and_card, write_tables_as
 from ..manifest.rows import ShardRows, read_listed_file, read_shard, read_stored_manifest, warn_if_incomplete
 from ..shards import write_shard_manifest
-from ..tables import write_tables_as
+from ..tables import table_name
 from .mirror import mirrored
 
 FRACTIONS = {"train": 0.8, "dev": 0.1, "test": 0.1}
@@ -57,11 +57,13 @@ def split_dataset(
 
     Raises:
         RecordError: the data set is damaged, or it has fewer scenes (or families) than parts.
-        ValueError: a fraction is not positive and finite.
+        ValueError: a fraction is not positive and finite, or the names of two parts differ in punctuation only.
     """
     folder = location(folder)
     if not fractions or any(not 0.0 < fraction < float("inf") for fraction in fractions.values()):
         raise ValueError(f"fractions must be positive, got {dict(fractions)}")
+    if len({table_name(part) for part in fractions}) < len(fractions):
+        raise ValueError(f"the parts {', '.join(fractions)} would have tables of the same names; rename one")
     manifest = read_stored_manifest(folder)
     warn_if_incomplete(folder, manifest)
     families: dict[str, dict[bytes, list[int]]] = {}  # episodes by family and scene
