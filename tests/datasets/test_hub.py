@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -143,7 +144,13 @@ def test_what_cannot_be_published_is_refused_before_the_upload(
     changed(complete=True, episodes=5, collected=True)
     with pytest.raises(RecordError, match=r"has runs that people drove.*--personal"):
         push_dataset(folder, NAME)
-    changed(collected=False)
+    stored = json.loads((folder / "manifest.json").read_text())["controller"]
+    changed(collected=False, controller=stored | {"path": "/home/ann/a.py:A"})
+    with pytest.raises(
+        RecordError, match=r"by a path of this machine, /home/ann/a\.py:A; generate it again.*--personal"
+    ):
+        push_dataset(folder, NAME)
+    changed(controller=stored)
     monkeypatch.setattr("sonata2d.datasets.hub._MAX_FILES", 5)
     with pytest.raises(RecordError, match=r"has 12 files, the Hub takes 5; generate it with --shard-size"):
         push_dataset(folder, NAME)
@@ -212,6 +219,22 @@ def test_a_data_set_is_loaded_and_verified(
     hub.replace(NAME, name, bytes(data))
     with pytest.raises(RecordError, match=rf"{name}.*it was changed after its upload"):
         s2.load(NAME, replay=0)
+
+
+def test_the_remedy_for_a_damaged_download_works(hub: FakeHub, folder: Path) -> None:
+    push_dataset(folder, NAME)
+    file = s2.load(NAME, replay=0).files[1]
+    stored = file.resolve()  # the snapshot holds links
+    data = bytearray(stored.read_bytes())
+    data[-2000] ^= 1
+    stored.chmod(0o644)
+    stored.write_bytes(data)
+    with pytest.raises(RecordError, match=r"the download is damaged: remove .* to load it again") as caught:
+        s2.load(NAME, replay=0)
+    found = re.search("remove (.*) to load", str(caught.value))
+    assert found is not None
+    shutil.rmtree(found[1])
+    assert len(s2.load(NAME)) == 5
 
 
 def test_an_episode_that_its_commands_do_not_make_is_refused(hub: FakeHub, folder: Path) -> None:
