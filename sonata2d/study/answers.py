@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +64,15 @@ class AnswerLog:
         event = {"version": _VERSION} | facts
         append_line(self.path, event, mode=0o600)
         self.lines.append(event)
+
+
+def state_of(events: Sequence[Mapping[str, Any]]) -> str:
+    """How far a participant has come: `not begun`, `begun`, `declined` or `finished`."""
+    ends = [event["event"] for event in events if event["event"] in ("finished", "undone")]
+    choices = [event["event"] for event in events if event["event"] in ("declined", "reconsidered", "consented")]
+    if ends[-1:] == ["finished"]:  # a run that is taken back makes a finished study unfinished
+        return "finished"
+    return "declined" if choices[-1:] == ["declined"] else "begun" if events else "not begun"
 
 
 def read_answers(path: Path) -> list[dict[str, Any]]:

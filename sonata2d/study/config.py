@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -18,6 +19,7 @@ from .texts import Name, Path, Text, Texts, Translations, TwoTranslations, requi
 _Questionnaire = Annotated[TupleOf[AnyEntry], Field(max_length=100)]
 Order = Literal["fixed", "shuffled", "latin-square"]
 Change = Literal["view", "zoom", "zones"]
+ExternalName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,39}$")]
 
 _MAX_RUNS = 500  # of one block
 _MAX_TEXT = 20_000  # characters of a page
@@ -130,6 +132,38 @@ class RatingConfig(Settings):
     text: Text | None = None
 
 
+class RecruitmentConfig(Settings):
+    """How participants of a panel, such as Prolific, SONA or CloudResearch, arrive and go back.
+
+    Each of `complete`, `declined` and `full` is an address, to which the page has a link, or a code, which it shows. In
+    an address `{NAME}` stands for an id.
+
+    Attributes:
+        ids: names of the ids in the address with which the panel opens the open link, such as `PROLIFIC_PID`. The first
+            one identifies a person: whoever comes again continues. Ids are personal answers.
+        complete: of those who have finished.
+        declined: of those who do not consent.
+        full: of those for whom no place is left.
+        minutes: time without an event after which the place of somebody who has not finished is free; by default never.
+    """
+
+    ids: Annotated[tuple[ExternalName, ...], Field(max_length=10)] = ()
+    complete: Annotated[str, Field(min_length=1, max_length=1000)] | None = None
+    declined: Annotated[str, Field(min_length=1, max_length=1000)] | None = None
+    full: Annotated[str, Field(min_length=1, max_length=1000)] | None = None
+    minutes: Annotated[int, Field(ge=1, le=100_000)] | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if len(set(self.ids)) < len(self.ids):
+            raise setting_error("an id is named twice", "ids")
+        for key in ("complete", "declined", "full"):
+            for name in re.findall(r"{(.*?)}", getattr(self, key) or ""):
+                if name not in self.ids:
+                    raise setting_error(f"{{{name}}} is none of the ids", key)
+        return self
+
+
 class StudyConfig(Settings):
     """The settings of a study.
 
@@ -152,6 +186,7 @@ class StudyConfig(Settings):
         end: questions at the end.
         thanks: the last page.
         minimum_length: shortest run that can be kept, s.
+        must_reach_goal: whether only runs that reach the goal can be kept; participants are told before.
         view: camera of the runs at first, `follow` or `top`.
         changes: what participants may change: `view`, `zoom`, `zones` (drawing of personal space).
         discard: whether participants may discard a run; another scene replaces it.
@@ -159,7 +194,8 @@ class StudyConfig(Settings):
         undo: whether participants may take back the last kept run until the next one begins, or the program ends.
         seed: of the scenes, and of random orders.
         participants: largest number of participants, including participants with links of their own, up to which the
-            open link admits people.
+            open link admits people. Those who decline take no place.
+        recruitment: how participants of a panel arrive and go back.
     """
 
     translated: ClassVar[tuple[str, ...]] = ("title",)
@@ -178,6 +214,7 @@ class StudyConfig(Settings):
     end: _Questionnaire = ()
     thanks: PageConfig | None = None
     minimum_length: NonNegativeFloat = 0.0
+    must_reach_goal: bool = False
     view: View = "follow"
     changes: TupleOf[Change] = ()
     discard: bool = True
@@ -185,6 +222,7 @@ class StudyConfig(Settings):
     undo: bool = True
     seed: NonNegativeInt = 0
     participants: Annotated[int, Field(ge=1, le=100_000)] = 1000
+    recruitment: RecruitmentConfig | None = None
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from urllib.parse import quote
+
 from ..core.labels import LabelSpec
 from .config import LabelTexts
 from .markdown import html_of
@@ -21,11 +24,28 @@ def step_content(participant: Progress) -> Json:
         content["title"] = participant.study.tables[language]["web.practice"]
     if step.text:
         content["html"] = html_of(in_language(step.text, language), pictures)
+    recruitment = participant.study.config.recruitment
+    ways = {} if recruitment is None else {"thanks": recruitment.complete, "declined": recruitment.declined}
+    if (target := ways.get(content["kind"])) is not None:
+        content["leave"] = way_back(target, participant.external)
     if step.kind == "consent":
         content["statements"] = [html_of(in_language(text, language), pictures) for text in step.statements]
     if step.kind == "questions":
         content["questions"] = [question_content(entry, participant) for entry in step.entries]
     return content
+
+
+def way_back(target: str, ids: Mapping[str, str]) -> Json:
+    """The way back to a panel: an address with the ids filled in, or a code.
+
+    >>> way_back("https://panel.example/done?id={PID}", {"PID": "a b"})
+    {'address': 'https://panel.example/done?id=a%20b'}
+    """
+    if not target.startswith(("https://", "http://")):
+        return {"code": target}
+    for name, value in ids.items():
+        target = target.replace(f"{{{name}}}", quote(value, safe=""))
+    return {"address": target}
 
 
 def question_content(entry: Entry, participant: Progress) -> Json:

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import shutil
 import threading
-from collections.abc import Container, Iterable, Iterator
+from collections import Counter
+from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +24,14 @@ from ..core.labels import LabelSpec
 from ..core.wording import counted, shown
 from ..errors import ConfigError, RecordError
 from ..record.files import read_bytes, safe_stem, sha256_of, write_atomically
+from .answers import AnswerLog, read_answers, state_of
 from .load import Study
+from .plan import rows_of
 from .texts import with_texts
 
 STUDY, ANSWERS, PERSONAL, RATED, PICTURES = "study", "answers", "personal", "rated", "pictures"
 LOCK = "study.lock"
+RECRUITMENT = "recruitment"  # step of the ids of a panel among the personal answers
 _STATE = "study.json"
 
 
@@ -41,6 +46,7 @@ class StudyFolder:
         out: folder of the runs.
         participants: ids of the participants, in the order of their arrival.
         withdrawn: ids of the participants who have withdrawn, and whose data are deleted.
+        rows: of the Latin square, by participant; of those without one, the row follows from the order of arrival.
 
     Raises:
         ConfigError: the folder belongs to a study with other steps, scenes or questions.
@@ -51,6 +57,7 @@ class StudyFolder:
         self.out, self.study = Path(out), study
         self.participants: list[str] = []
         self.withdrawn: list[str] = []
+        self.rows: dict[str, int] = {}
         self._versions: list[str] = []
         state = self.out / STUDY / _STATE
         structure = _structure_of(study)
@@ -68,8 +75,12 @@ class StudyFolder:
             stored = None
         if stored is not None:
             self.participants, self._versions = stored["participants"], stored["versions"]
-            self.withdrawn = stored["withdrawn"]
+            self.withdrawn, self.rows = stored["withdrawn"], stored["rows"]
         self._structure, self._adding = structure, threading.RLock()
+        self._by_external: dict[str, str] = {}  # participant by the first id of a panel
+        for id in self.present if study.config.recruitment is not None else ():
+            if key := next(iter(external_ids(read_answers(self.personal_of(id))).values()), ""):
+                self._by_external[key] = id
         self._copy_rated()
         for picture in study.pictures.values():
             if not (copy := self.picture(picture.name)).exists():
@@ -102,11 +113,15 @@ class StudyFolder:
             checked_rater(participant)
         with self._adding:  # the threads of a server take turns
             if participant not in self.participants:
+                if (count := rows_of(self.study.config)) > 1:
+                    used = Counter(self.rows.get(id, k) % count for id, k in self._places().items())
+                    self.rows[participant] = min(range(count), key=lambda row: (used[row], row))
                 self.participants.append(participant)
                 try:
                     self._write_state()
                 except RecordError:
                     self.participants.remove(participant)
+                    self.rows.pop(participant, None)
                     raise
             return self.participants.index(participant)
 
@@ -124,13 +139,55 @@ class StudyFolder:
             RecordError: the folder cannot be written.
         """
         with self._adding:
-            if limit is not None and len(self.present) >= limit:
+            if limit is not None and len(self._places()) >= limit:
                 return None
             number = len(self.participants) + 1
             while (id := f"p{number:03d}") in self.participants or id in taken:
                 number += 1
             self.add(id)
             return id
+
+    def recruit(self, ids: Mapping[str, str], taken: Container[str] = (), limit: int | None = None) -> str | None:
+        """Add a participant of a panel, unless the person is known by the first id.
+
+        Args:
+            ids: that the panel gave, by name; they are stored among the personal answers.
+            taken, limit: as of `add_next`.
+
+        Returns:
+            The participant; None if there is no place.
+
+        Raises:
+            RecordError: the folder cannot be written.
+        """
+        with self._adding:
+            key = next(iter(ids.values()), "")
+            if key and (known := self._by_external.get(key)) in self.present:
+                return known
+            id = self.add_next(taken, limit)
+            if id is not None and any(ids.values()):
+                time = f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
+                facts: dict[str, Any] = {"event": "answers", "step": RECRUITMENT, "values": dict(ids)}
+                AnswerLog(self.personal_of(id)).append(time=time, **facts)
+                self._by_external[key] = id
+            return id
+
+    def _places(self) -> dict[str, int]:
+        """Participants who hold a place, with their numbers: not those who declined, or have been away for too long."""
+        recruitment, places = self.study.config.recruitment, dict[str, int]()
+        minutes = recruitment.minutes if recruitment is not None else None
+        for k, id in enumerate(self.participants):
+            if id in self.withdrawn:
+                continue
+            events = read_answers(self.answers_of(id)) if self.answers_of(id).exists() else []
+            state = state_of(events)
+            is_away = False
+            if state == "begun" and minutes is not None:
+                last = datetime.strptime(events[-1]["time"], "%Y-%m-%dT%H:%M:%SZ").replace(tzinfo=UTC)
+                is_away = datetime.now(UTC) - last > timedelta(minutes=minutes)
+            if state != "declined" and not is_away:
+                places[id] = k
+        return places
 
     def answers_of(self, participant: str) -> Path:
         """The file with the events and answers of a participant."""
@@ -189,7 +246,12 @@ class StudyFolder:
             raise RecordError(f"{self.out / RATED} cannot be deleted: {error.strerror or error}") from error
 
     def _write_state(self) -> None:
-        lists = {"versions": self._versions, "participants": self.participants, "withdrawn": self.withdrawn}
+        lists = {
+            "versions": self._versions,
+            "participants": self.participants,
+            "withdrawn": self.withdrawn,
+            "rows": self.rows,
+        }
         write_state(self.out, {"structure": self._structure} | lists)
 
 
@@ -218,6 +280,11 @@ def locked(out: str | Path) -> Iterator[None]:
         yield
     finally:
         lock.release()
+
+
+def external_ids(lines: Iterable[Mapping[str, Any]]) -> dict[str, str]:
+    """The ids of a panel among the personal answers of a participant."""
+    return next((dict(line["values"]) for line in lines if line.get("step") == RECRUITMENT), {})
 
 
 def _make_folders(out: Path) -> None:
@@ -260,8 +327,10 @@ def _difference(a: Any, b: Any, keys: tuple[str, ...] = ()) -> str:
 def _structure_of(study: Study) -> dict[str, Any]:
     """The part of a study that must not change once there are participants: settings without texts, and scenarios."""
     config = with_texts(study.config, lambda text: "")
-    for key in ("texts", "participants"):
+    for key in ("texts", "participants", "recruitment"):
         del config[key]
+    if not config["must_reach_goal"]:  # so that studies that began before this setting go on
+        del config["must_reach_goal"]
     for block in config["runs"]:
         del block["label"]
     for section in ("demographics", "after_run", "end"):
@@ -300,6 +369,7 @@ def _read_state(path: Path) -> dict[str, Any]:
             raise ValueError(f"version {state['version']} is unknown; upgrade sonata2d")
         if not all(isinstance(state[key], list) for key in ("participants", "versions", "withdrawn")):
             raise TypeError("participants, versions and withdrawn are lists")
-        return {key: state[key] for key in ("structure", "versions", "participants", "withdrawn")}
+        stored = {key: state[key] for key in ("structure", "versions", "participants", "withdrawn")}
+        return stored | {"rows": dict(state.get("rows", {}))}
     except (KeyError, TypeError, ValueError) as error:
         raise RecordError(f"{path} is damaged: {error}") from error

@@ -15,7 +15,7 @@ from ..collect.session import Session
 from ..record.record import EpisodeRecord
 from ..scenegen.scenario.config import ScenarioConfig
 from .answers import AnswerLog, checked_answers
-from .folder import StudyFolder
+from .folder import StudyFolder, external_ids
 from .plan import Step
 from .progress import Progress
 
@@ -60,11 +60,13 @@ class Participant(Progress):
         id = checked_name(id)
         self._folder, self.id, self._mappings, self._suffix, self._now = folder, id, mappings, suffix, now
         self._log, self._personal = AnswerLog(folder.answers_of(id)), AnswerLog(folder.personal_of(id))
-        super().__init__(folder.study, folder.add(id), self._log.lines)
+        super().__init__(folder.study, folder.add(id), self._log.lines, row=folder.rows.get(id))
+        self.external = external_ids(self._personal.lines)
         self.session: Session | None = None
         self.rating: RatingSession | None = None
         self.record: EpisodeRecord | None = None
         self._may_undo = False
+        self._since, self._on_show = now(), ""  # time at which the present step began, and its id
         if not self._log.lines:
             self._append(event="begun")
         self.resume()
@@ -100,7 +102,7 @@ class Participant(Progress):
             ValueError: the present step is another one.
         """
         self._require(step, "page")
-        self._append(event="done", step=step)
+        self._append(event="done", step=step, seconds=self._seconds())
         self.resume()
 
     def consent(self, step: str, ticked: Sequence[bool]) -> None:
@@ -112,7 +114,8 @@ class Participant(Progress):
         present = self._require(step, "consent")
         if len(ticked) != len(present.statements) or not all(tick is True for tick in ticked):
             raise ValueError("every statement has to be ticked")
-        self._append(event="consented", step=step, study=self.study.sha256, language=self.language)
+        facts = {"study": self.study.sha256, "language": self.language, "seconds": self._seconds()}
+        self._append(event="consented", step=step, **facts)
         self.resume()
 
     def decline(self, step: str) -> None:
@@ -151,7 +154,7 @@ class Participant(Progress):
         if secret:
             self._personal.append(time=self._time(), **facts, values=secret)
         values = {name: value for name, value in answers.items() if name not in personal}
-        self._append(**facts, values=values, language=self.language)
+        self._append(**facts, values=values, language=self.language, seconds=self._seconds())
         self._may_undo = self._may_undo and present.run is not None
         self.resume()
 
@@ -163,9 +166,8 @@ class Participant(Progress):
             RecordError: the file cannot be written; nothing is lost.
         """
         session = self._driving("run")
-        minimum = self.study.config.minimum_length
-        if session.state == "ended" and session.after.time < minimum:
-            raise ValueError(f"the run is {session.after.time:.1f} s long; runs of {minimum:g} s or more can be kept")
+        if (reason := self._unfit(session)) is not None:
+            raise ValueError(reason)
         path = session.keep(label)
         self._kept, self._may_undo = dict(session.kept_runs), True
         self.resume()
@@ -212,8 +214,7 @@ class Participant(Progress):
             ValueError: the study does not allow it, and the run is long enough to be kept.
         """
         session = self._driving("run", _PRACTICE)
-        is_short = session.state == "ended" and session.after.time < self.study.config.minimum_length
-        if not self.study.config.redo and self.step.kind == "run" and not is_short:
+        if not self.study.config.redo and self.step.kind == "run" and self._unfit(session) is None:
             raise ValueError("runs of this study cannot be driven again")
         self._require_room()
         path = session.redo()
@@ -289,6 +290,8 @@ class Participant(Progress):
             self._resume_rating(step)
         if step.kind == "thanks" and not self.has_finished:
             self._append(event="finished")
+        if self.step.id != self._on_show:
+            self._since, self._on_show = self._now(), self.step.id
         has_runs = any(step.kind in ("run", _PRACTICE) and not self._is_done(step) for step in self.steps)
         if not has_runs and not self.can_undo:
             self.close()
@@ -365,11 +368,25 @@ class Participant(Progress):
         self._leave_other_step()
         return self.session
 
+    def _unfit(self, session: Session) -> str | None:
+        """Why a run that ended cannot be kept; None if it can."""
+        config = self.study.config
+        if session.state != "ended":
+            return None
+        if (time := session.after.time) < config.minimum_length:
+            return f"the run is {time:.1f} s long; runs of {config.minimum_length:g} s or more can be kept"
+        is_at_goal = session.outcome is not None and session.outcome.status == "goal"
+        return "only runs that reach the goal can be kept" if config.must_reach_goal and not is_at_goal else None
+
     def _append(self, **facts: Any) -> None:
         """Store an event, and apply it."""
         facts = {"time": self._time()} | facts
         self._log.append(**facts)
         self._apply(facts)
+
+    def _seconds(self) -> float:
+        """Time since the present step began, or since the program began, s."""
+        return round((self._now() - self._since).total_seconds(), 1)
 
     def _time(self) -> str:
         return f"{self._now():%Y-%m-%dT%H:%M:%SZ}"

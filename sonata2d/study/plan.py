@@ -42,12 +42,13 @@ class Step:
     is_personal: bool = False
 
 
-def steps_of(config: StudyConfig, index: int) -> list[Step]:
+def steps_of(config: StudyConfig, index: int, row: int | None = None) -> list[Step]:
     """The steps of a participant.
 
     Args:
         config: settings of the study.
         index: number of the participant, from 0.
+        row: as of `run_order`.
     """
     steps = [
         Step(f"page-{k}", "page", title=page.title, text=page.text) for k, page in enumerate(config.pages, start=1)
@@ -64,7 +65,7 @@ def steps_of(config: StudyConfig, index: int) -> list[Step]:
         steps += [
             Step(f"practice-{k + 1}", "practice", run=k, block=len(config.runs), scene=k) for k in range(practice.runs)
         ]
-    steps += _driving_steps(config, index)
+    steps += _driving_steps(config, index, row)
     for k, block in enumerate(config.ratings):
         if block.text is not None:
             steps.append(Step(f"ratings-{block.name}-text", "page", text=block.text))
@@ -76,11 +77,11 @@ def steps_of(config: StudyConfig, index: int) -> list[Step]:
     return steps
 
 
-def _driving_steps(config: StudyConfig, index: int) -> list[Step]:
+def _driving_steps(config: StudyConfig, index: int, row: int | None) -> list[Step]:
     """The runs, each followed by its questions."""
     steps: list[Step] = []
     previous = None
-    for number, (block, scene) in enumerate(run_order(config, index)):
+    for number, (block, scene) in enumerate(run_order(config, index, row)):
         text = config.runs[block].text
         if text is not None and block != previous:
             steps.append(Step(f"block-{block + 1}-text", "page", text=text))
@@ -91,20 +92,27 @@ def _driving_steps(config: StudyConfig, index: int) -> list[Step]:
     return steps
 
 
-def run_order(config: StudyConfig, index: int) -> list[tuple[int, int]]:
+def run_order(config: StudyConfig, index: int, row: int | None = None) -> list[tuple[int, int]]:
     """The runs of a participant: for each the number of its block, and of its scene within the block.
 
     Args:
         config: settings of the study.
         index: number of the participant, from 0.
+        row: of the Latin square; None: that of the index.
     """
     blocks = range(len(config.runs))
     if config.order == "latin-square" and config.runs:
-        blocks = latin_square_row(len(config.runs), index)  # type: ignore[assignment]
+        blocks = latin_square_row(len(config.runs), index if row is None else row)  # type: ignore[assignment]
     runs = [(block, scene) for block in blocks for scene in range(config.runs[block].runs)]
     if config.order == "shuffled":
         runs.sort(key=lambda run: order_key(config.seed, "runs", index, *run))
     return runs
+
+
+def rows_of(config: StudyConfig) -> int:
+    """Number of different rows of the Latin square; 1 for other orders."""
+    count = len(config.runs) if config.order == "latin-square" else 0
+    return max(count * (1 + count % 2), 1)
 
 
 def latin_square_row(n: int, index: int) -> list[int]:

@@ -21,6 +21,7 @@ class Progress:
         index: number of the participant, from 0.
         events: of the participant's file of answers.
         kept: names of the kept runs, by number of the scene.
+        row: of the Latin square; None: that of the index.
 
     Attributes:
         study: the study.
@@ -31,13 +32,20 @@ class Progress:
         has_declined: whether the participant did not consent.
         has_finished: whether the end of the study is stored.
         last_event: time of the last event, ISO 8601; empty before the first.
+        external: ids that a panel gave, by name.
     """
 
     def __init__(
-        self, study: Study, index: int, events: Iterable[Mapping[str, Any]] = (), kept: Mapping[int, str] | None = None
+        self,
+        study: Study,
+        index: int,
+        events: Iterable[Mapping[str, Any]] = (),
+        kept: Mapping[int, str] | None = None,
+        row: int | None = None,
     ) -> None:
         self.study, self.index = study, index
-        self.steps = steps_of(study.config, index)
+        self.steps = steps_of(study.config, index, row)
+        self.external: dict[str, str] = {}
         self.language, self.has_chosen_language = study.config.languages[0], False
         self.has_declined, self.has_finished, self.last_event = False, False, ""
         self._runs = {step.run: step for step in self.steps if step.kind == "run"}
@@ -133,7 +141,8 @@ def progress_of_all(folder: StudyFolder) -> tuple[dict[str, Progress], list[str]
     known, problems = {}, []
     for index, id in enumerate(folder.participants):
         try:
-            known[id] = Progress(folder.study, index, read_answers(folder.answers_of(id)), kept.get(id))
+            events = read_answers(folder.answers_of(id))
+            known[id] = Progress(folder.study, index, events, kept.get(id), folder.rows.get(id))
         except RecordError as error:
             problems.append(str(error))
     return known, problems

@@ -5,24 +5,31 @@ from __future__ import annotations
 import csv
 import io
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import orjson
 
 from ..collect.rating import ratings_of
+from ..core.devices import NETWORK_DEVICE
+from ..core.vectors import lengths
+from ..core.wording import counted
 from ..datasets.manifest import LOG, MANIFEST, read_manifest
 from ..errors import RecordError
 from ..record.files import read_bytes, safe_stem, write_atomically
 from ..record.reader import read_episode
+from ..record.record import EpisodeRecord
 from ..scenegen.scenario.parse import parse_settings
-from .answers import read_answers
+from .answers import read_answers, state_of
 from .folder import ANSWERS, PERSONAL, RATED, STUDY, read_state, require_outside
 from .questions import Likert, question_kind
 from .scales import Item, scale_named
 
 Row = dict[str, Any]
+_PAGES = ("done", "consented", "answers")  # events that end a page
+_FAST, _STILL, _FEWEST_RATINGS = 1.0, 0.5, 5  # s on a page; m in a run; ratings that may be compared
 TABLES = parse_settings(Path(__file__).with_name("tables.yaml"))  # meaning of each column, by table
 
 
@@ -73,8 +80,12 @@ def results_of(out: str | Path, *, personal: bool = False) -> dict[str, list[Row
     ratings = [row for id in participants for row in rated.get(id, [])]
     answers = [row for id in participants for row in _answer_rows(id, [*events[id], *secret[id]], kept)]
     return {
-        "participants": [_participant_row(id, language, events[id], runs, ratings) for id in participants],
+        "participants": [
+            _participant_row(id, language, events[id], runs, ratings) | {"row": state["rows"].get(id)}
+            for id in participants
+        ],
         "runs": runs,
+        "pages": [row for id in participants for row in _page_rows(id, events[id])],
         "answers": answers,
         "scores": _score_rows(answers, state["structure"]["config"]),
         "ratings": ratings,
@@ -105,23 +116,40 @@ def _cell(value: Any) -> Any:
 
 def _participant_row(id: str, first_language: str, events: list[Row], runs: list[Row], ratings: list[Row]) -> Row:
     last = {event["event"]: event["time"] for event in events}  # time of the last event of each kind
-    ends = [event["event"] for event in events if event["event"] in ("finished", "undone")]
-    choices = [event["event"] for event in events if event["event"] in ("declined", "reconsidered", "consented")]
-    is_finished = ends[-1:] == ["finished"]  # a run that is taken back makes a finished study unfinished
-    state = "declined" if choices[-1:] == ["declined"] else "begun" if events else "not begun"
+    state = state_of(events)
     languages = [event["language"] for event in events if "language" in event]
+    own = [row for row in ratings if row["participant"] == id]
     return {
         "participant": id,
         "language": languages[-1] if languages else first_language if events else None,
-        "state": "finished" if is_finished else state,
+        "state": state,
         "last_step": next((event["step"] for event in reversed(events) if "step" in event), None),
         "begun": events[0]["time"] if events else None,
         "consented": last.get("consented"),
-        "finished": last["finished"] if is_finished else None,
+        "finished": last["finished"] if state == "finished" else None,
         "last_event": events[-1]["time"] if events else None,
         "runs": sum(row["participant"] == id for row in runs),
-        "ratings": sum(row["participant"] == id for row in ratings),
+        "ratings": len(own),
+        "flags": "; ".join(_flags(events, [row for row in runs if row["participant"] == id], own)) or None,
     }
+
+
+def _flags(events: list[Row], runs: list[Row], ratings: list[Row]) -> Iterator[str]:
+    """What makes the data of a participant doubtful, for the researcher to look at."""
+    if fast := sum(event.get("seconds", _FAST) < _FAST for event in events if event["event"] in _PAGES):
+        yield f"{counted(fast, 'page')} under {_FAST:g} s"
+    if still := sum(row["path_length"] < _STILL for row in runs):
+        yield f"{counted(still, 'run')} without driving"
+    if len(ratings) >= _FEWEST_RATINGS and len({row["label"] for row in ratings}) == 1:
+        yield "all ratings are equal"
+
+
+def _page_rows(id: str, events: list[Row]) -> list[Row]:
+    """The time of each page, consent and page of questions."""
+    return [
+        {"participant": id} | {key: event.get(key) for key in ("step", "seconds", "time")}
+        for event in events if event["event"] in _PAGES and "seconds" in event
+    ]  # fmt: skip
 
 
 def _run_rows(out: Path, events: dict[str, list[Row]]) -> list[Row]:
@@ -148,6 +176,8 @@ def _run_rows(out: Path, events: dict[str, list[Row]]) -> list[Row]:
                 "file": name,
                 "outcome": record.outcome.status,
                 "seconds": round(float(record.states.time[-1]), 4),
+                "path_length": round(float(lengths(np.diff(record.states.robot[:, :2], axis=0)).sum()), 3),
+                "device": _devices(record),
                 "attempts": 1 + repeated[step],
                 "dropped_ticks": dropped.get(name),
                 "round_trip_median": None if median is None else round(median, 4),
@@ -156,6 +186,12 @@ def _run_rows(out: Path, events: dict[str, list[Row]]) -> list[Row]:
             }
             rows.append(row)
     return rows
+
+
+def _devices(record: EpisodeRecord) -> str | None:
+    """The devices that were used in a run, such as `keyboard, mouse`."""
+    used = {event["device"] for frame in record.document["frames"] for event in frame["events"]}
+    return ", ".join(sorted(used - {NETWORK_DEVICE, "label"})) or None
 
 
 def _dropped_ticks(out: Path) -> dict[str, int]:

@@ -34,6 +34,7 @@ logger = logging.getLogger(__name__)
 _BURST = 20  # ticks that a page may catch up at once, after its connection stood still
 _PACE = 1.1  # largest speed of a run, as a multiple of real time
 _FIRST_NUMBERS = 2**30  # of runs and of runs to rate
+_SEEN = 0.95  # of the duration of a recorded run, before which it cannot be rated: clocks differ a little
 _SMALLEST_CHANGE = 0.001  # s, of the round-trip time: smaller ones are not recorded
 
 
@@ -70,6 +71,7 @@ class ParticipantSession:
         self.round_trip: float | None = None
         self._recorded_trip: float | None = None
         self._shown_record: Any = participant.record
+        self._shown_at = clock()
         self._allowance, self._filled = float(_BURST), clock()
         self._last_message = clock()
 
@@ -163,6 +165,8 @@ class ParticipantSession:
             "isPractice": step.kind == "practice",
             "isHolonomic": session.scene.robot.moves_sideways,
             "minimum": config.minimum_length,
+            "mustReach": config.must_reach_goal and step.kind == "run",
+            "limit": session.scene.rules.time_limit,
             "allowed": {key: getattr(config, key) for key in ("discard", "redo", "undo")},
             "changes": config.changes,
             "view": config.view,
@@ -174,7 +178,7 @@ class ParticipantSession:
     def _rating(self, record: EpisodeRecord, rating: RatingSession) -> Json:
         """The content of the page for a recorded run to rate."""
         if record is not self._shown_record:
-            self._shown_record, self.shown = record, self.shown + 1
+            self._shown_record, self.shown, self._shown_at = record, self.shown + 1, self._clock()
         block = self.participant.study.config.ratings[self.participant.step.block]
         return {
             "shown": self.shown,
@@ -284,9 +288,14 @@ class ParticipantSession:
                 participant.answer(message.step, message.values)
             # Ratings have no step id: the number of the recorded run tells a second click from the next rating.
             case m.Rate():
-                if message.shown != self.shown:
+                if message.shown != self.shown or participant.record is None:
                     raise ValueError("this run is rated")
-                participant.rate(message.label, seconds=message.seconds, whole=message.whole)
+                # by the clock of the server: a program can send anything
+                elapsed, times = self._clock() - self._shown_at, participant.record.states.time
+                if elapsed < _SEEN * float(times[-1] - times[0]):
+                    raise ValueError("the run has not been shown to its end")
+                seconds = round(min(message.seconds, elapsed), 2)
+                participant.rate(message.label, seconds=seconds, whole=message.whole)
             case m.Action(type="rest"):
                 if participant.rating is not None:
                     participant.rating.take_break()

@@ -98,7 +98,7 @@ class Researcher:
         """The progress of a participant."""
         session = self._sessions.get(id)
         if session is None and id not in self._stored:
-            self._stored[id] = Progress(self._folder.study, index)
+            self._stored[id] = Progress(self._folder.study, index, row=self._folder.rows.get(id))
         progress = session.participant if session else self._stored[id]
         run = session.driven_run if session else None
         return {

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
 from functools import cache, partial
 from importlib.resources import files
+from types import MappingProxyType
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
@@ -25,6 +26,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, DeviceMapping
 from ..core.wording import described, one_line
 from ..errors import Sonata2dError
+from ..study.content import way_back
 from ..study.export import temporary_export, write_archive
 from ..study.folder import StudyFolder
 from ..study.links import Links
@@ -45,6 +47,7 @@ MAPPINGS = dict(DEFAULT_MAPPINGS) | {
 }
 # Codes of closed web sockets; `connection.js` knows them.
 _TAKEN_OVER, _OCCUPIED, _UNKNOWN, _TOO_MANY_MISTAKES, _FULL = range(4001, 4006)
+_MAX_ID = 200  # characters of an id of a panel
 _MAX_MISTAKES = 20  # messages of one connection that cannot be read
 _AWAY_S, _SWEEP_S = 600.0, 60.0  # time without a page, after which a session is closed; time between two checks of it
 _IDLE_S = 900.0  # time without a message, after which a connection is closed
@@ -148,13 +151,24 @@ class StudyServer:
             return self._message(request, button="web.begin")
         if not self._is_same_origin(request):
             return Response("Forbidden", 403)
-        token = await run_in_threadpool(self.new_participant, self.folder.study.config.participants)
+        config, recruitment = self.folder.study.config, self.folder.study.config.recruitment
+        names = () if recruitment is None else recruitment.ids
+        ids = {name: request.query_params.get(name, "")[:_MAX_ID] for name in names}
+        token = await run_in_threadpool(self.new_participant, config.participants, ids)
         if token is None:
-            return self._message(request, 403, title="web.full_title", text="web.full_study")
+            full = None if recruitment is None or recruitment.full is None else way_back(recruitment.full, ids)
+            return self._message(request, 403, title="web.full_title", text="web.full_study", leave=full)
         return RedirectResponse(f"../s/{token}", 303, headers=_NO_STORE)
 
     def _message(
-        self, request: Request, status: int = 200, *, title: str = "", text: str = "", button: str = ""
+        self,
+        request: Request,
+        status: int = 200,
+        *,
+        title: str = "",
+        text: str = "",
+        button: str = "",
+        leave: Json | None = None,
     ) -> Response:
         """A page with a title, a text and a button, named by their keys; by default with the title of the study."""
         config = self.folder.study.config
@@ -163,6 +177,8 @@ class StudyServer:
         words = self._words[language]
         heading = words[title] if title else in_language(config.title, language)
         texts = {"text": words.get(text), "button": words.get(button)}
+        if leave is not None:
+            texts |= leave | {"back": words["web.leave"], "your_code": words["web.code"]}
         return _page("message.html", status, language=language, title=heading, **texts)
 
     def _is_same_origin(self, connection: HTTPConnection) -> bool:
@@ -183,16 +199,17 @@ class StudyServer:
             logger.warning("a request of a page of %s to %s was refused: %s", *names, hint)
         return False
 
-    def new_participant(self, limit: int | None = None) -> str | None:
+    def new_participant(self, limit: int | None = None, ids: Mapping[str, str] = MappingProxyType({})) -> str | None:
         """Add a participant with the next free id, such as `p001`; returns the token.
 
         Args:
             limit: largest number of participants; None is returned if there are as many.
+            ids: that a panel gave; whoever comes again with the same first id gets the token of the first time.
 
         Raises:
             RecordError: the folder cannot be written.
         """
-        id = self.folder.add_next(self.links.tokens(), limit)
+        id = self.folder.recruit(ids, self.links.tokens(), limit)
         return None if id is None else self.links.add(id)
 
     # Participants

@@ -49,7 +49,7 @@ def test_results(out: Path, tmp_path: Path) -> None:
     assert "runs.csv          1 row\n" in run("study", "results", out, tmp_path / "tables").output
     paths = json.loads(run("study", "results", out, tmp_path / "tables", "--personal", "--json").stdout)
     assert {Path(path).name for path in paths} == {
-        "participants.csv", "runs.csv", "answers.csv", "scores.csv", "ratings.csv"
+        "participants.csv", "runs.csv", "pages.csv", "answers.csv", "scores.csv", "ratings.csv"
     }  # fmt: skip
     assert "left-handed" in (tmp_path / "tables" / "answers.csv").read_text()
     assert "is not the folder of a study" in run("study", "results", tmp_path, tmp_path / "t", code=1).output

@@ -349,7 +349,8 @@ class Page:
         if "drive" in view:
             self._check_ticks()
         self.is_finished = view["step"]["kind"] == "thanks"
-        self._plan(self.world.random.uniform(0.05, 0.5))
+        film = (len(view["rating"]["states"]) - 1) * view["rating"]["scene"]["dt"] if "rating" in view else 0.0
+        self._plan(film + self.world.random.uniform(0.05, 0.5))
 
     def _check_ticks(self) -> None:
         """Compare a run with its former state; the journal has each tick, but is synced at the end of the run only."""

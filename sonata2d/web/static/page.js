@@ -134,10 +134,15 @@ function showStep() {
   if (step.kind === "declined") {
     parts.push(make("p", {}, t("web.declined")), next(t("web.reconsider"), () => send({type: "reconsider"})));
   }
+  if (step.leave) parts.push(leaving(step.leave));
   if (step.kind === "thanks" && !step.html) parts.push(make("p", {}, t("web.thanks")));
   if (view.canUndo) parts.push(make("p", {class: "aside"}, make("button", {"data-sends": true, onclick: () => send({type: "undo"})}, t("menu.undo"))));
   if (step.kind === "page" && view.progress[0] === 0) parts.push(make("p", {class: "hint"}, t("web.address")));
   place.replaceChildren(...parts);
+}
+/** The way back to the panel: a link, or a code. */
+function leaving({address, code}) {
+  return address ? make("p", {}, make("a", {class: "primary", href: address}, t("web.leave"))) : make("p", {}, `${t("web.code")} `, make("strong", {id: "code"}, code));
 }
 function titleOf(step) {
   return {questions: t("web.questions"), thanks: t("rating.thanks"), declined: t("web.declined_title"), page: text(data.title)}[step.kind] || text(data.title);
@@ -165,7 +170,7 @@ function showDriving(isNew = false) {
   const {status} = drive, {drive: run} = view;
   byId("status").textContent = `${SIGNS[status] || ""} ${t(WORDS[status] || "readings.waiting")}`;
   byId("status").className = status;
-  byId("hint").textContent = drive.isStudyPaused ? t("web.study_paused") : status === "waiting" ? t(!run.isPractice ? "web.drive_hint" : isTouched ? "web.practice_touch" : "web.practice_hint")
+  byId("hint").textContent = drive.isStudyPaused ? t("web.study_paused") : status === "waiting" ? t(!run.isPractice ? "web.drive_hint" : isTouched ? "web.practice_touch" : "web.practice_hint") + (run.mustReach ? ` ${t("web.drive_rule")}` : "")
     : drive.isSlow ? t("web.slow") : status === "paused" || status === "pausing" ? t("web.paused") : "";
   if (status === "driving") notice = "";
   report(problem);
@@ -230,7 +235,7 @@ function showCard(status, run) {
   if (!card.hidden && card.dataset.key === key) return;
   if (card.hidden) card.shownAt = performance.now();
   card.dataset.key = key; card.hidden = false;
-  const time = drive.states.get(drive.latest).time, isShort = time < run.minimum;
+  const time = drive.states.get(drive.latest).time, isMissed = run.mustReach && drive.outcome !== "goal", isShort = time < run.minimum || isMissed;
   const above = make("p", {class: "above"}, t(`run.${drive.outcome || "stopped"}`, {time: seconds(time)}));
   const buttons = [], explained = [], id = run.run;
   const add = (words, message, attributes = {}) => buttons.push(make("button", {"data-sends": true, onclick: () => send(message), ...attributes}, words));
@@ -254,7 +259,7 @@ function showCard(status, run) {
     if (run.allowed.redo || isShort) explained.push(make("p", {class: "hint"}, t("web.about_redo")));
   }
   card.replaceChildren(above, ...(heading ? [make("h2", {}, heading)] : []), ...(asked && !isShort ? [asked] : []),
-    ...(isShort && !run.isPractice ? [make("p", {class: "problem"}, t("web.too_short", {seconds: run.minimum}))] : []),
+    ...(isShort && !run.isPractice ? [make("p", {class: "problem"}, isMissed ? t("web.must_reach") : t("web.too_short", {seconds: run.minimum}))] : []),
     make("div", {class: "buttons"}, ...buttons), ...explained);
   card.asked = asked;
   const first = card.querySelector("input, button");
@@ -283,7 +288,7 @@ function showReadings() {
   if (!view || !view.drive || !drive.now) return;
   const {time, speed, goal, nearest, touches, hasArrived} = drive.readings();
   byId("hint").classList.toggle("above", drive.isGoalBelow);
-  byId("time").textContent = t("readings.seconds", {time: seconds(time)});
+  byId("time").textContent = t("web.time_of", {time: seconds(time), limit: Math.round(view.drive.limit)});
   byId("speed").textContent = t("readings.speed", {speed: seconds(speed)});
   byId("goal").textContent = hasArrived ? t("readings.arrived") : t("readings.goal", {distance: seconds(goal)});
   byId("nearest").textContent = touches ? t(TOUCHED[touches]) : nearest === null ? t("readings.nobody")

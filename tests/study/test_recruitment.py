@@ -1,0 +1,190 @@
+"""Recruitment from a panel: ids, places, balanced orders, and what makes data doubtful."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+
+from sonata2d.errors import ConfigError
+from sonata2d.study.content import step_content, way_back
+from sonata2d.study.folder import StudyFolder
+from sonata2d.study.load import load_study
+from sonata2d.study.participant import Participant
+from sonata2d.study.report import results_of, save_results
+
+from .conftest import ROOM, STUDY, drive, prepare, take_part
+
+PANEL = """\
+recruitment:
+  ids: [PROLIFIC_PID, STUDY_ID]
+  complete: https://panel.example/done?cc=C1&pid={PROLIFIC_PID}
+  declined: NO-CONSENT
+  full: https://panel.example/full
+  minutes: 60
+"""
+BLOCKS = """\
+title: Doors
+consent: {title: Consent, text: Runs are stored.}
+runs:
+  - {scenario: room.yaml}
+  - {scenario: wide.yaml}
+  - {scenario: dark.yaml}
+order: latin-square
+participants: 12
+recruitment: {minutes: 30}
+"""
+
+
+@pytest.fixture
+def panel(study_file: Path, tmp_path: Path) -> StudyFolder:
+    study_file.write_text(STUDY + PANEL)
+    return StudyFolder(tmp_path / "out", load_study(study_file))
+
+
+def test_the_same_id_is_the_same_participant(panel: StudyFolder, study_file: Path, tmp_path: Path) -> None:
+    first = panel.recruit({"PROLIFIC_PID": "5f1", "STUDY_ID": "s"})
+    assert first == "p001"
+    assert panel.recruit({"PROLIFIC_PID": "7a2", "STUDY_ID": "s"}) == "p002"
+    assert panel.recruit({"PROLIFIC_PID": "5f1", "STUDY_ID": "other"}) == first
+    again = StudyFolder(tmp_path / "out", load_study(study_file))  # after a restart
+    assert again.recruit({"PROLIFIC_PID": "7a2", "STUDY_ID": "s"}) == "p002"
+    assert again.recruit({"PROLIFIC_PID": "", "STUDY_ID": ""}) == "p003"
+    assert again.recruit({"PROLIFIC_PID": "", "STUDY_ID": ""}) == "p004"
+
+
+def test_ids_are_personal_answers(panel: StudyFolder, tmp_path: Path) -> None:
+    id = panel.recruit({"PROLIFIC_PID": "5f1", "STUDY_ID": "s"})
+    assert id is not None
+    Participant(panel, id).close()
+    assert [row for row in results_of(tmp_path / "out")["answers"] if row["step"] == "recruitment"] == []
+    rows = results_of(tmp_path / "out", personal=True)["answers"]
+    assert [(row["question"], row["value"]) for row in rows] == [("PROLIFIC_PID", "5f1"), ("STUDY_ID", "s")]
+
+
+def test_the_way_back_is_an_address_with_the_id_or_a_code(panel: StudyFolder) -> None:
+    id = panel.recruit({"PROLIFIC_PID": "a b&c", "STUDY_ID": "s"})
+    assert id is not None
+    participant = Participant(panel, id)
+    participant.read("page-1")
+    participant.decline("consent")
+    assert step_content(participant)["leave"] == {"code": "NO-CONSENT"}
+    participant.reconsider()
+    participant.consent("consent", [True, True])
+    while participant.step.kind != "thanks":
+        assert "leave" not in step_content(participant)
+        participant.skip(participant.step.id)
+    assert step_content(participant)["leave"] == {"address": "https://panel.example/done?cc=C1&pid=a%20b%26c"}
+    participant.close()
+    assert way_back("C42", {}) == {"code": "C42"}
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [("recruitment: {ids: [A, A]}", "an id is named twice"), ("recruitment: {ids: [a-b]}", "ids"),
+     ("recruitment: {complete: 'https://x.example/{PID}'}", r"\{PID\} is none of the ids")],
+)  # fmt: skip
+def test_settings_of_the_recruitment_are_checked(study_file: Path, text: str, problem: str) -> None:
+    study_file.write_text(f"{STUDY}{text}\n")
+    with pytest.raises(ConfigError, match=problem):
+        load_study(study_file)
+
+
+def test_the_recruitment_may_change_while_the_study_runs(panel: StudyFolder, study_file: Path, tmp_path: Path) -> None:
+    panel.recruit({"PROLIFIC_PID": "5f1"})
+    study_file.write_text(STUDY + PANEL.replace("C1", "C2"))
+    assert StudyFolder(tmp_path / "out", load_study(study_file)).participants == ["p001"]
+
+
+@pytest.fixture
+def doors(tmp_path: Path) -> StudyFolder:
+    for name in ("room", "wide", "dark"):
+        (tmp_path / f"{name}.yaml").write_text(f"{ROOM}name: {name}\n")
+    (tmp_path / "doors.yaml").write_text(BLOCKS)
+    return StudyFolder(tmp_path / "out", load_study(tmp_path / "doors.yaml"))
+
+
+def finished(folder: StudyFolder, id: str, now: datetime) -> None:
+    participant = Participant(folder, id, now=lambda: now)
+    participant.consent("consent", [])
+    while participant.step.kind == "run":
+        drive(participant)
+        participant.keep(0.5)
+    participant.close()
+
+
+def test_places_and_rows_count_those_who_finish_or_may_finish(doors: StudyFolder) -> None:
+    """Of 40 who arrive one after the other, some decline and some leave; 12 finish, in balanced orders."""
+    now, kept, refused = datetime.now(UTC), list[str](), 0
+    for number in range(40):
+        id = doors.recruit({}, limit=12)
+        if id is None:
+            refused += 1
+        elif number % 3 == 1:
+            participant = Participant(doors, id, now=lambda: now)
+            participant.decline("consent")
+            participant.close()
+        elif number % 4 == 2:  # has left an hour ago
+            participant = Participant(doors, id, now=lambda: now - timedelta(hours=1))
+            participant.consent("consent", [])
+            participant.close()
+        else:
+            finished(doors, id, now)
+            kept.append(id)
+    assert len(kept) == 12
+    assert refused > 0
+    rows = Counter(doors.rows[id] for id in kept)
+    assert sorted(rows) == list(range(6))  # of two squares of three
+    assert set(rows.values()) == {2}
+    first = {doors.rows[id]: Participant(doors, id).steps[1].block for id in kept}
+    assert sorted(first.values()) == [0, 0, 1, 1, 2, 2]
+
+
+def test_an_active_participant_holds_a_place(doors: StudyFolder) -> None:
+    id = doors.recruit({}, limit=1)
+    assert id is not None
+    assert doors.recruit({}, limit=1) is None
+    participant = Participant(doors, id)
+    assert doors.recruit({}, limit=1) is None
+    participant.decline("consent")
+    assert doors.recruit({}, limit=1) == "p002"
+    participant.close()
+
+
+def test_only_runs_that_reach_the_goal_can_be_kept(study_file: Path, tmp_path: Path) -> None:
+    study_file.write_text(f"{STUDY}must_reach_goal: true\nredo: false\n")
+    participant = Participant(StudyFolder(tmp_path / "out", load_study(study_file)), "p1")
+    prepare(participant)
+    drive(participant)
+    with pytest.raises(ValueError, match="only runs that reach the goal can be kept"):
+        participant.keep(0.5)
+    participant.redo()  # allowed, since there is no other way on
+    session = participant.session
+    assert session is not None
+    session.stop()
+    participant.close()
+
+
+def test_tables_have_times_of_pages_ways_devices_and_flags(study_file: Path, tmp_path: Path) -> None:
+    moments = iter(datetime(2026, 1, 1, tzinfo=UTC) + timedelta(seconds=0.4 * k) for k in range(10_000))
+    folder = StudyFolder(tmp_path / "out", load_study(study_file))
+    hasty = Participant(folder, "hasty", now=lambda: next(moments))
+    take_part(hasty)
+    hasty.close()
+    save_results(tmp_path / "out", tmp_path / "tables")
+
+    def rows(name: str) -> list[dict[str, str]]:
+        with (tmp_path / "tables" / f"{name}.csv").open() as file:
+            return list(csv.DictReader(file))
+
+    pages = {row["step"]: float(row["seconds"]) for row in rows("pages")}
+    assert {"page-1", "consent", "demographics", "after-run-2"} <= set(pages)
+    assert all(0.0 < seconds < 60.0 for seconds in pages.values())
+    for row in rows("runs"):
+        assert row["device"] == "keyboard"
+        assert 0.0 < float(row["path_length"]) < 1.0
+    (person,) = rows("participants")
+    assert person["flags"] == "6 pages under 1 s"

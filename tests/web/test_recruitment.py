@@ -1,0 +1,114 @@
+"""From a panel to the study and back, and ratings by the server's clock."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sonata2d.collect.rating import ratings_of
+from sonata2d.study.folder import StudyFolder
+from sonata2d.study.load import load_study
+from sonata2d.study.participant import Participant
+from sonata2d.web import messages as m
+from sonata2d.web.participant_session import ParticipantSession
+
+from .conftest import STUDY_TEXT, Served
+from .test_browser import opened
+from .test_server import client_of, fetch
+
+PANEL = """\
+participants: 2
+recruitment:
+  ids: [PROLIFIC_PID]
+  complete: https://panel.example/done?cc=C1
+  declined: NO-CONSENT
+  full: https://panel.example/full?pid={PROLIFIC_PID}
+"""
+
+
+@pytest.fixture
+def panel(study_folder: Path) -> Any:
+    (study_folder / "study.yaml").write_text(STUDY_TEXT + PANEL)
+    served = Served(study_folder)
+    yield served
+    served.stop()
+
+
+def test_a_panel_sends_ids_and_gets_people_back(panel: Served) -> None:
+    link = f"{panel.url}/j/{panel.links.open}?PROLIFIC_PID="
+    for pid in ("5f1", "7a2", "5f1"):
+        status, page, _ = fetch(f"{link}{pid}", b"", Origin=panel.url)
+        assert (status, b"/static/page.js" in page) == (200, True)
+    assert panel.server.folder.participants == ["p001", "p002"]
+    status, page, _ = fetch(f"{link}9c3", b"", Origin=panel.url)
+    assert status == 403
+    assert b'href="https://panel.example/full?pid=9c3"' in page
+    tokens = panel.links.tokens()
+    with client_of(f"{panel.url}/s/{tokens['p001']}") as client:
+        client.ask(type="hello", protocol=1)
+        client.ask(type="read", step="page-1")
+        view = client.ask(type="decline", step="consent")
+        assert view["step"]["leave"] == {"code": "NO-CONSENT"}
+    status, _, _ = fetch(f"{link}9c3", b"", Origin=panel.url)  # the place of the one who declined
+    assert status == 200
+    line = json.loads((panel.out / "study" / "personal" / "p003.jsonl").read_text().splitlines()[0])
+    assert line["values"] == {"PROLIFIC_PID": "9c3"}
+
+
+def _rating(study_folder: Path) -> tuple[ParticipantSession, list[float]]:
+    """A session that shows the first run to rate, and its clock."""
+    before, ratings, end = (STUDY_TEXT.index(f"{section}:") for section in ("demographics", "ratings", "end"))
+    text = STUDY_TEXT[:before] + STUDY_TEXT[ratings:end]
+    (study_folder / "study.yaml").write_text(text)
+    participant = Participant(StudyFolder(study_folder / "out", load_study(study_folder / "study.yaml")), "p001")
+    clock = [100.0]
+    session = ParticipantSession(participant, clock=lambda: clock[0])
+    participant.read("page-1")
+    participant.consent("consent", [True])
+    session.view()
+    return session, clock
+
+
+def test_a_rating_before_the_run_can_have_been_seen_is_refused(study_folder: Path) -> None:
+    session, clock = _rating(study_folder)
+    rated = session.participant.rating
+    assert rated is not None
+    record = session.participant.record
+    assert record is not None
+    duration = float(record.states.time[-1])
+    message = m.Rate(type="rate", shown=session.shown, label=True, seconds=999.0, whole=True)
+    clock[0] += 0.5 * duration
+    with pytest.raises(ValueError, match="the run has not been shown to its end"):
+        session._perform(message)
+    assert ratings_of(rated.folder) == []
+    clock[0] += duration
+    session._perform(message)
+    (rating,) = ratings_of(rated.folder)
+    assert rating.seconds == pytest.approx(1.5 * duration, abs=0.02)  # by the clock of the server
+    session.view()  # shows the next run
+    with pytest.raises(ValueError, match="this run is rated"):
+        session._perform(message)
+    session.participant.close()
+
+
+def test_in_a_browser_from_the_address_of_the_panel_to_the_code(browser: Any, panel: Served, tmp_path: Path) -> None:
+    page = opened(browser, f"{panel.url}/j/{panel.links.open}?PROLIFIC_PID=5f1")
+    page.get_by_role("button", name="Take part", exact=True).click()
+    page.wait_for_selector("#step:not([hidden]) #title")
+    page.get_by_role("button", name="Continue", exact=True).click()
+    page.get_by_role("button", name="I do not agree", exact=True).click()
+    page.wait_for_selector("#code")
+    assert page.locator("#code").text_content() == "NO-CONSENT"
+    page.get_by_role("button", name="I changed my mind", exact=True).click()
+    session = panel.server.sessions["p001"].participant
+    assert session.external == {"PROLIFIC_PID": "5f1"}
+    assert page.problems == []
+    again = opened(browser, f"{panel.url}/j/{panel.links.open}?PROLIFIC_PID=5f1")
+    again.get_by_role("button", name="Take part", exact=True).click()
+    again.wait_for_selector("#step:not([hidden]) #title")
+    assert panel.server.folder.participants == ["p001"]
+    for each in (page, again):
+        each.context.close()
