@@ -14,7 +14,7 @@ from sonata2d.study.content import step_content, way_back
 from sonata2d.study.folder import StudyFolder
 from sonata2d.study.load import load_study
 from sonata2d.study.participant import Participant
-from sonata2d.study.report import results_of, save_results
+from sonata2d.study.report import _flags, results_of, save_results
 
 from .conftest import ROOM, STUDY, drive, prepare, take_part
 
@@ -188,3 +188,22 @@ def test_tables_have_times_of_pages_ways_devices_and_flags(study_file: Path, tmp
         assert 0.0 < float(row["path_length"]) < 1.0
     (person,) = rows("participants")
     assert person["flags"] == "6 pages under 1 s"
+
+
+@pytest.mark.parametrize(
+    ("events", "ways", "labels", "expected"),
+    [
+        ([("done", 20.0), ("answers", 8.0)], [3.0, 4.0], [1, 0, 1, 1, 1], []),
+        ([("done", 0.2), ("answers", 0.9), ("done", 30.0)], [3.0], [1, 0], ["2 pages under 1 s"]),
+        ([("done", 20.0)], [0.0, 0.4, 3.0], [], ["2 runs without driving"]),
+        ([], [], [1, 1, 1, 1, 1], ["all ratings are equal"]),
+        ([], [], [1, 1, 1, 1], []),  # too few to tell
+        ([("kept", None)], [3.0], [], []),
+    ],
+)
+def test_flags_name_what_is_doubtful(
+    events: list[tuple[str, float | None]], ways: list[float], labels: list[int], expected: list[str]
+) -> None:
+    rows = [{"event": kind} | ({} if seconds is None else {"seconds": seconds}) for kind, seconds in events]
+    runs, ratings = [{"path_length": way} for way in ways], [{"label": label} for label in labels]
+    assert [*_flags(rows, runs, ratings)] == expected

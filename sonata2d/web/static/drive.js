@@ -10,8 +10,8 @@ const OUTSIDE = "#e2e5e9";
 
 export class Drive {
   /** `send` sends a message; `changed` is called when the status changes; `act` is called with actions of the page. */
-  constructor(canvas, {send, changed, act, isBlocked}) {
-    this.canvas = canvas; this.pen = canvas.getContext("2d"); this.send = send; this.changed = changed; this.isBlocked = isBlocked;
+  constructor(canvas, {send, changed, act, isBlocked, goalText}) {
+    this.canvas = canvas; this.pen = canvas.getContext("2d"); this.send = send; this.changed = changed; this.isBlocked = isBlocked; this.goalText = goalText;
     this.input = new Input(canvas, (action, value) => this.perform(action) || act(action, value));
     this.view = "follow"; this.zoom = 1; this.zones = false; this.changes = [];
     this.status = "none"; this.run = null; this.states = new Map(); this.last = null; this.isSlow = false;
@@ -157,7 +157,7 @@ export class Drive {
     }});
   }
 
-  /** An arrow at the edge towards a goal outside the picture. */
+  /** An arrow at the edge towards a goal outside the picture, with the distance. */
   drawGoalArrow(pen, camera, {robot}) {
     const [x, y] = this.data.goal, place = toPixels(camera, x, y), {width, height} = camera, edge = 26;
     this.isGoalBelow = place[1] > .6 * height;
@@ -166,8 +166,14 @@ export class Drive {
     const limits = [dx > 0 ? (width - edge - middle[0]) / dx : dx < 0 ? (edge - middle[0]) / dx : Infinity,
                     dy > 0 ? (height - edge - middle[1]) / dy : dy < 0 ? (edge - middle[1]) / dy : Infinity];
     const share = Math.max(Math.min(...limits), 0);
+    const tip = [middle[0] + dx * share, middle[1] + dy * share], length = Math.hypot(dx, dy) || 1;
+    const label = this.goalText(Math.hypot(robot.x - x, robot.y - y));
     pen.save();
-    pen.translate(middle[0] + dx * share, middle[1] + dy * share); pen.rotate(Math.atan2(dy, dx));
+    pen.font = "600 15px system-ui, sans-serif"; pen.textBaseline = "middle"; pen.lineJoin = "round"; pen.lineWidth = 4;
+    const half = pen.measureText(label).width / 2 + 8;
+    const spot = [Math.min(Math.max(tip[0] - 36 * dx / length, half), width - half), Math.min(Math.max(tip[1] - 30 * dy / length, 14), height - 14)];
+    pen.textAlign = "center"; pen.strokeStyle = "#fff"; pen.strokeText(label, ...spot); pen.fillStyle = this.data.colours.ink; pen.fillText(label, ...spot);
+    pen.translate(...tip); pen.rotate(Math.atan2(dy, dx));
     pen.beginPath(); pen.moveTo(16, 0); pen.lineTo(-12, 13); pen.lineTo(-12, -13); pen.closePath();
     pen.fillStyle = this.data.colours.goal; pen.strokeStyle = "#fff"; pen.lineWidth = 2; pen.fill(); pen.stroke();
     pen.restore();

@@ -54,7 +54,8 @@ function setBusy() {
   for (const button of document.querySelectorAll("button[data-sends]")) button.disabled = isWaiting || connection !== "open";
 }
 
-const drive = new Drive(byId("canvas"), {send, changed: () => showDriving(), act: (action, device) => perform(action, device), isBlocked: () => isWaiting});
+const drive = new Drive(byId("canvas"), {send, changed: () => showDriving(), act: (action, device) => perform(action, device), isBlocked: () => isWaiting,
+                                         goalText: distance => t("readings.goal", {distance: seconds(distance)})});
 const watch = new Watch(byId("film"), () => showWatching());
 drive.input.isActive = event => {
   if (!view || !view.drive || isWaiting || byId("help").open) return false;
