@@ -67,9 +67,11 @@ class AnswerLog:
 
 
 def state_of(events: Sequence[Mapping[str, Any]]) -> str:
-    """How far a participant has come: `not begun`, `begun`, `declined` or `finished`."""
+    """How far a participant has come: `not begun`, `begun`, `declined`, `screened out` or `finished`."""
     ends = [event["event"] for event in events if event["event"] in ("finished", "undone")]
     choices = [event["event"] for event in events if event["event"] in ("declined", "reconsidered", "consented")]
+    if any(event["event"] == "screened_out" for event in events):
+        return "screened out"
     if ends[-1:] == ["finished"]:  # a run that is taken back makes a finished study unfinished
         return "finished"
     return "declined" if choices[-1:] == ["declined"] else "begun" if events else "not begun"

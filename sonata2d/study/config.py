@@ -135,14 +135,15 @@ class RatingConfig(Settings):
 class RecruitmentConfig(Settings):
     """How participants of a panel, such as Prolific, SONA or CloudResearch, arrive and go back.
 
-    Each of `complete`, `declined` and `full` is an address, to which the page has a link, or a code, which it shows. In
-    an address `{NAME}` stands for an id.
+    Each of `complete`, `declined`, `screened_out` and `full` is an address, to which the page has a link, or a code,
+    which it shows. In an address `{NAME}` stands for an id.
 
     Attributes:
         ids: names of the ids in the address with which the panel opens the open link, such as `PROLIFIC_PID`. The first
             one identifies a person: whoever comes again continues. Ids are personal answers.
         complete: of those who have finished.
         declined: of those who do not consent.
+        screened_out: of those whose answer ended the study.
         full: of those for whom no place is left.
         minutes: time without an event after which the place of somebody who has not finished is free; by default never.
     """
@@ -150,6 +151,7 @@ class RecruitmentConfig(Settings):
     ids: Annotated[tuple[ExternalName, ...], Field(max_length=10)] = ()
     complete: Annotated[str, Field(min_length=1, max_length=1000)] | None = None
     declined: Annotated[str, Field(min_length=1, max_length=1000)] | None = None
+    screened_out: Annotated[str, Field(min_length=1, max_length=1000)] | None = None
     full: Annotated[str, Field(min_length=1, max_length=1000)] | None = None
     minutes: Annotated[int, Field(ge=1, le=100_000)] | None = None
 
@@ -157,7 +159,7 @@ class RecruitmentConfig(Settings):
     def _check(self) -> Self:
         if len(set(self.ids)) < len(self.ids):
             raise setting_error("an id is named twice", "ids")
-        for key in ("complete", "declined", "full"):
+        for key in ("complete", "declined", "screened_out", "full"):
             for name in re.findall(r"{(.*?)}", getattr(self, key) or ""):
                 if name not in self.ids:
                     raise setting_error(f"{{{name}}} is none of the ids", key)
@@ -194,7 +196,7 @@ class StudyConfig(Settings):
         undo: whether participants may take back the last kept run until the next one begins, or the program ends.
         seed: of the scenes, and of random orders.
         participants: largest number of participants, including participants with links of their own, up to which the
-            open link admits people. Those who decline take no place.
+            open link admits people. Those who decline or are screened out take no place.
         recruitment: how participants of a panel arrive and go back.
     """
 

@@ -25,7 +25,9 @@ def step_content(participant: Progress) -> Json:
     if step.text:
         content["html"] = html_of(in_language(step.text, language), pictures)
     recruitment = participant.study.config.recruitment
-    ways = {} if recruitment is None else {"thanks": recruitment.complete, "declined": recruitment.declined}
+    ways = {} if recruitment is None else {
+        "thanks": recruitment.complete, "declined": recruitment.declined, "screened": recruitment.screened_out
+    }  # fmt: skip
     if (target := ways.get(content["kind"])) is not None:
         content["leave"] = way_back(target, participant.external)
     if step.kind == "consent":

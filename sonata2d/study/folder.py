@@ -173,7 +173,7 @@ class StudyFolder:
             return id
 
     def _places(self) -> dict[str, int]:
-        """Participants who hold a place, with their numbers: not those who declined, or have been away for too long."""
+        """Participants who hold a place, with their numbers: not those who declined, were screened out or are away."""
         recruitment, places = self.study.config.recruitment, dict[str, int]()
         minutes = recruitment.minutes if recruitment is not None else None
         for k, id in enumerate(self.participants):
@@ -185,7 +185,7 @@ class StudyFolder:
             if state == "begun" and minutes is not None:
                 last = datetime.strptime(events[-1]["time"], "%Y-%m-%dT%H:%M:%SZ").replace(tzinfo=UTC)
                 is_away = datetime.now(UTC) - last > timedelta(minutes=minutes)
-            if state != "declined" and not is_away:
+            if state not in ("declined", "screened out") and not is_away:
                 places[id] = k
         return places
 
@@ -336,6 +336,16 @@ def _structure_of(study: Study) -> dict[str, Any]:
     for section in ("demographics", "after_run", "end"):
         for entry in config[section]:
             entry.pop("texts", None)
+    entries = [
+        *config["demographics"],
+        *config["after_run"],
+        *config["end"],
+        *(b["question"] for b in config["ratings"]),
+    ]
+    for entry in entries:  # likewise
+        if entry.get("right") is None:
+            entry.pop("right", None)
+            entry.pop("screen_out", None)
     scenarios = [scenario.settings() for scenario in (*study.scenarios, *([study.practice] if study.practice else []))]
     structure: dict[str, Any] = orjson.loads(orjson.dumps({"config": config, "scenarios": scenarios}))
     return structure

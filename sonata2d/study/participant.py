@@ -18,6 +18,7 @@ from .answers import AnswerLog, checked_answers
 from .folder import StudyFolder, external_ids
 from .plan import Step
 from .progress import Progress
+from .questions import Question
 
 logger = logging.getLogger(__name__)
 
@@ -150,12 +151,18 @@ class Participant(Progress):
         facts: dict[str, Any] = {"event": "answers", "step": step}
         if present.run is not None:
             facts["file"] = self._file_of_run(present.run)
+        checks = [entry for entry in present.entries if isinstance(entry, Question) and entry.right is not None]
+        wrong = [entry for entry in checks if answers.get(entry.name) != entry.check(entry.right)]
+        if wrong:
+            facts["wrong"] = [entry.name for entry in wrong]
         secret = {name: value for name, value in answers.items() if name in personal}
         if secret:
             self._personal.append(time=self._time(), **facts, values=secret)
         values = {name: value for name, value in answers.items() if name not in personal}
         self._append(**facts, values=values, language=self.language, seconds=self._seconds())
         self._may_undo = self._may_undo and present.run is not None
+        if any(entry.screen_out for entry in wrong):
+            self._append(event="screened_out", step=step)
         self.resume()
 
     def keep(self, label: Any = None) -> Path:

@@ -11,7 +11,7 @@ from .questions import Entry
 from .texts import Text
 
 PRACTICE_TEXT = "practice-text"  # id of the page before the practice
-_StepKind = Literal["page", "consent", "questions", "practice", "run", "ratings", "thanks"]
+_StepKind = Literal["page", "consent", "questions", "practice", "run", "ratings", "thanks", "screened"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +40,9 @@ class Step:
     block: int = 0
     scene: int = 0
     is_personal: bool = False
+
+
+SCREENED_OUT = Step("screened-out", "screened")  # in place of all others, after a wrong answer that ends the study
 
 
 def steps_of(config: StudyConfig, index: int, row: int | None = None) -> list[Step]:

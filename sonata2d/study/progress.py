@@ -10,7 +10,7 @@ from ..errors import RecordError
 from .answers import read_answers
 from .folder import StudyFolder
 from .load import Study
-from .plan import Step, steps_of
+from .plan import SCREENED_OUT, Step, steps_of
 
 
 class Progress:
@@ -31,6 +31,7 @@ class Progress:
         has_chosen_language: whether the language was chosen, rather than the first one of the study.
         has_declined: whether the participant did not consent.
         has_finished: whether the end of the study is stored.
+        is_screened_out: whether an answer ended the study.
         last_event: time of the last event, ISO 8601; empty before the first.
         external: ids that a panel gave, by name.
     """
@@ -48,6 +49,7 @@ class Progress:
         self.external: dict[str, str] = {}
         self.language, self.has_chosen_language = study.config.languages[0], False
         self.has_declined, self.has_finished, self.last_event = False, False, ""
+        self.is_screened_out = False
         self._runs = {step.run: step for step in self.steps if step.kind == "run"}
         self._kept = dict(kept or {})
         self._done: set[str] = set()
@@ -61,6 +63,8 @@ class Progress:
     @property
     def step(self) -> Step:
         """The step to do now."""
+        if self.is_screened_out:
+            return SCREENED_OUT
         return next(step for step in self.steps if step.kind == "thanks" or not self._is_done(step))
 
     @property
@@ -76,7 +80,7 @@ class Progress:
     @property
     def is_finished(self) -> bool:
         """Whether all steps are done, or the participant did not consent."""
-        return self.has_declined or self.step.kind == "thanks"
+        return self.has_declined or self.step.kind in ("thanks", "screened")
 
     def _number_of(self, step: Step) -> int:
         """Number of the scene of a run."""
@@ -113,6 +117,8 @@ class Progress:
         # The manifest says which runs are kept; the event is stored once for each file.
         elif kind == "kept":
             self._logged.add(event["file"])
+        elif kind == "screened_out":
+            self.is_screened_out = True
         elif kind == "skipped":
             self._skipped.add(step)
         elif kind == "replaced":

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
+from pydantic import BeforeValidator, Field, JsonValue, SerializeAsAny, model_validator
 
 from ..core.geometry import quantised
 from ..core.labels import LabelSpec
@@ -78,6 +78,9 @@ class Question(Entry):
         required: whether the participant has to answer.
         personal: whether the answer is stored with the personal answers, which exports leave out; by default, the
             answers to `demographics` are.
+        right: the right answer, as it is stored, of a question that checks attention or comprehension; the page does
+            not get it. Other answers are counted in the table of participants.
+        screen_out: whether another answer ends the study for the participant.
     """
 
     renderer: ClassVar[str] = "text"  # key of the RENDERERS of the page
@@ -86,6 +89,19 @@ class Question(Entry):
 
     kind: str
     question: Text
+    right: JsonValue = None
+    screen_out: bool = False
+
+    @model_validator(mode="after")
+    def _check_right(self) -> Self:
+        if self.screen_out and self.right is None:
+            raise setting_error("a question that screens out has a right answer", "screen_out")
+        if self.right is not None:
+            try:
+                self.check(self.right)
+            except ValueError as error:
+                raise setting_error(str(error), "right") from None
+        return self
 
     @model_validator(mode="before")
     @classmethod
@@ -109,7 +125,8 @@ class Question(Entry):
         return value.encode(errors="replace").decode()  # without surrogates, which cannot be stored
 
     def content(self, language: str) -> Json:
-        return with_texts(self, lambda text: in_language(text, language)) | {"renderer": self.renderer}
+        content = with_texts(self, lambda text: in_language(text, language)) | {"renderer": self.renderer}
+        return {key: value for key, value in content.items() if key not in ("right", "screen_out")}
 
     def refusal(self, value: Any, expected: str) -> ValueError:
         """The error about an answer that does not fit.

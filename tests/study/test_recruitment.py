@@ -190,6 +190,54 @@ def test_tables_have_times_of_pages_ways_devices_and_flags(study_file: Path, tmp
     assert person["flags"] == "6 pages under 1 s"
 
 
+CHECKS = """\
+title: Checks
+demographics:
+  - {name: attention, kind: classes, classes: [left, right, both], question: Choose both, right: 3}
+  - {name: task, kind: yes_no, question: Must the robot reach the target, right: true, screen_out: true}
+runs:
+  - {scenario: empty}
+recruitment: {screened_out: FAILED}
+participants: 1
+"""
+
+
+def test_wrong_answers_to_checks_are_flagged_or_end_the_study(tmp_path: Path) -> None:
+    (tmp_path / "checks.yaml").write_text(CHECKS)
+    folder = StudyFolder(tmp_path / "out", load_study(tmp_path / "checks.yaml"))
+    id = folder.recruit({}, limit=1)
+    assert id is not None
+    first = Participant(folder, id)
+    shown = step_content(first)["questions"]
+    assert all("right" not in question and "screen_out" not in question for question in shown)
+    first.answer("demographics", {"attention": 3, "task": False})
+    assert step_content(first) == {"id": "screened-out", "kind": "screened", "leave": {"code": "FAILED"}}
+    assert first.is_finished
+    with pytest.raises(ValueError, match="the present step is screened-out"):
+        first.answer("demographics", {"attention": 3, "task": True})
+    first.close()
+    assert Participant(folder, id).step.kind == "screened"  # after a restart
+    other = folder.recruit({}, limit=1)  # the place is free
+    assert other == "p002"
+    second = Participant(folder, other)
+    second.answer("demographics", {"attention": 1, "task": True})
+    assert second.step.kind == "run"
+    second.close()
+    rows = {row["participant"]: row for row in results_of(tmp_path / "out")["participants"]}
+    assert rows["p001"]["state"] == "screened out"
+    assert "1 wrong check" in rows["p002"]["flags"]
+
+
+@pytest.mark.parametrize(
+    ("keys", "problem"),
+    [("right: 4", r"attention is 4|right"), ("screen_out: true", "a question that screens out has a right answer")],
+)
+def test_checks_have_a_right_answer_that_fits(tmp_path: Path, keys: str, problem: str) -> None:
+    (tmp_path / "checks.yaml").write_text(CHECKS.replace("right: 3", keys))
+    with pytest.raises(ConfigError, match=problem):
+        load_study(tmp_path / "checks.yaml")
+
+
 @pytest.mark.parametrize(
     ("events", "ways", "labels", "expected"),
     [

@@ -101,7 +101,7 @@ function showFrame() {
   byId("study").textContent = text(data.title);
   byId("progress").max = total; byId("progress").value = done;
   translate(t);
-  const place = view.step.kind === "thanks" ? "" : t("web.progress", {number: Math.min(done + 1, total), total});
+  const place = ["thanks", "screened"].includes(view.step.kind) ? "" : t("web.progress", {number: Math.min(done + 1, total), total});
   byId("progress").setAttribute("aria-label", place || t("rating.thanks"));
   byId("count").textContent = !view.drive ? place : view.drive.isPractice ? t("web.practice")
     : t("readings.run_of", {number: Math.min(kept + 1, runs), count: runs});
@@ -135,6 +135,7 @@ function showStep() {
   if (step.kind === "declined") {
     parts.push(make("p", {}, t("web.declined")), next(t("web.reconsider"), () => send({type: "reconsider"})));
   }
+  if (step.kind === "screened") parts.push(make("p", {}, t("web.screened")));
   if (step.leave) parts.push(leaving(step.leave));
   if (step.kind === "thanks" && !step.html) parts.push(make("p", {}, t("web.thanks")));
   if (view.canUndo) parts.push(make("p", {class: "aside"}, make("button", {"data-sends": true, onclick: () => send({type: "undo"})}, t("menu.undo"))));
@@ -146,7 +147,7 @@ function leaving({address, code}) {
   return address ? make("p", {}, make("a", {class: "primary", href: address}, t("web.leave"))) : make("p", {}, `${t("web.code")} `, make("strong", {id: "code"}, code));
 }
 function titleOf(step) {
-  return {questions: t("web.questions"), thanks: t("rating.thanks"), declined: t("web.declined_title"), page: text(data.title)}[step.kind] || text(data.title);
+  return {questions: t("web.questions"), thanks: t("rating.thanks"), screened: t("web.screened_title"), declined: t("web.declined_title"), page: text(data.title)}[step.kind] || text(data.title);
 }
 function consent(step, next) {
   const boxes = step.statements.map((html, k) => make("input", {type: "checkbox", id: `tick-${k}`}));
