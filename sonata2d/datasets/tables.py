@@ -128,6 +128,9 @@ def write(episodes: Iterator[PackedEpisode], out: Path, ending: str = "", mark: 
     files = {name: out / f"{name}{ending}.parquet" for name in TABLES}
     pa, pq = pyarrow()
     schema = {name: each.with_metadata({_MARK: mark.encode()}) for name, each in schemas(pa).items()}
+    # dictionaries of numbers would take two thirds of the time, and save a tenth of the size
+    texts = {name: [field.name for field in each if field.type == pa.string()] for name, each in schema.items()}
+    texts["frames"] += ["humans.list.element.activity", "interactions.list.element.relation"]
     options = {"write_page_checksum": True, "compression": "zstd"}
     try:
         make_folder(out)
@@ -135,7 +138,9 @@ def write(episodes: Iterator[PackedEpisode], out: Path, ending: str = "", mark: 
             places = {name: whole.enter_context(whole_file(files[name])) for name in TABLES}
             with ExitStack() as stack:
                 writers = {
-                    name: stack.enter_context(_closing(pq.ParquetWriter(places[name], schema[name], **options)))
+                    name: stack.enter_context(
+                        _closing(pq.ParquetWriter(places[name], schema[name], use_dictionary=texts[name], **options))
+                    )
                     for name in TABLES
                 }
                 _write_all(pa, episodes, writers)

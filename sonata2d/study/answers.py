@@ -67,7 +67,7 @@ class AnswerLog:
 
 
 def state_of(events: Sequence[Mapping[str, Any]]) -> str:
-    """How far a participant has come: `not begun`, `begun`, `declined`, `screened out` or `finished`."""
+    """The state of a participant: `not begun`, `begun`, `declined`, `screened out` or `finished`."""
     ends = [event["event"] for event in events if event["event"] in ("finished", "undone")]
     choices = [event["event"] for event in events if event["event"] in ("declined", "reconsidered", "consented")]
     if any(event["event"] == "screened_out" for event in events):

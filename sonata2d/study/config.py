@@ -133,7 +133,7 @@ class RatingConfig(Settings):
 
 
 class RecruitmentConfig(Settings):
-    """How participants of a panel, such as Prolific, SONA or CloudResearch, arrive and go back.
+    """Recruitment from a panel, such as Prolific, SONA or CloudResearch: arrival and way back of participants.
 
     Each of `complete`, `declined`, `screened_out` and `full` is an address, to which the page has a link, or a code,
     which it shows. In an address `{NAME}` stands for an id.

@@ -135,7 +135,7 @@ def _participant_row(id: str, first_language: str, events: list[Row], runs: list
 
 
 def _flags(events: list[Row], runs: list[Row], ratings: list[Row]) -> Iterator[str]:
-    """What makes the data of a participant doubtful, for the researcher to look at."""
+    """Reasons to doubt the data of a participant, for the researcher to look at."""
     if fast := sum(event.get("seconds", _FAST) < _FAST for event in events if event["event"] in _PAGES):
         yield f"{counted(fast, 'page')} under {_FAST:g} s"
     if still := sum(row["path_length"] < _STILL for row in runs):
