@@ -166,6 +166,18 @@ class RecruitmentConfig(Settings):
         return self
 
 
+class RequiresConfig(Settings):
+    """Requirements on the device of a participant; the page names what is missing, and waits.
+
+    Attributes:
+        keyboard: whether phones and tablets are not enough.
+        width: least width of the window, px.
+    """
+
+    keyboard: bool = False
+    width: Annotated[int, Field(ge=200, le=5000)] | None = None
+
+
 class StudyConfig(Settings):
     """The settings of a study.
 
@@ -198,6 +210,7 @@ class StudyConfig(Settings):
         participants: largest number of participants, including participants with links of their own, up to which the
             open link admits people. Those who decline or are screened out take no place.
         recruitment: how participants of a panel arrive and go back.
+        requires: what the device of a participant needs.
     """
 
     translated: ClassVar[tuple[str, ...]] = ("title",)
@@ -225,6 +238,7 @@ class StudyConfig(Settings):
     seed: NonNegativeInt = 0
     participants: Annotated[int, Field(ge=1, le=100_000)] = 1000
     recruitment: RecruitmentConfig | None = None
+    requires: RequiresConfig = RequiresConfig()
 
     @model_validator(mode="after")
     def _check(self) -> Self:

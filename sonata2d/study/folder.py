@@ -327,7 +327,7 @@ def _difference(a: Any, b: Any, keys: tuple[str, ...] = ()) -> str:
 def _structure_of(study: Study) -> dict[str, Any]:
     """The part of a study that must not change once there are participants: settings without texts, and scenarios."""
     config = with_texts(study.config, lambda text: "")
-    for key in ("texts", "participants", "recruitment"):
+    for key in ("texts", "participants", "recruitment", "requires"):
         del config[key]
     if not config["must_reach_goal"]:  # so that studies that began before this setting go on
         del config["must_reach_goal"]

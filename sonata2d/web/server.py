@@ -140,7 +140,8 @@ class StudyServer:
         if self.links.participant_of(str(request.path_params["token"])) is None:
             return self._not_found(request)
         config = self.folder.study.config
-        data = {"words": self._words, "languages": config.languages, "title": config.title}
+        requires = config.requires.model_dump(exclude_defaults=True)
+        data = {"words": self._words, "languages": config.languages, "title": config.title, "requires": requires}
         return _page("study.html", language=config.languages[0], title="sonata2d", script="page.js", data=data)
 
     async def _join(self, request: Request) -> Response:

@@ -112,3 +112,24 @@ def test_in_a_browser_from_the_address_of_the_panel_to_the_code(browser: Any, pa
     assert panel.server.folder.participants == ["p001"]
     for each in (page, again):
         each.context.close()
+
+
+def test_a_device_that_lacks_something_is_told_so(browser: Any, study_folder: Path) -> None:
+    (study_folder / "study.yaml").write_text(STUDY_TEXT + "requires: {keyboard: true, width: 800}\n")
+    served = Served(study_folder)
+    try:
+        page = opened(browser, served.link())
+        page.wait_for_selector("#step:not([hidden]) .prose")
+        page.set_viewport_size({"width": 600, "height": 760})
+        page.wait_for_selector("#missing")
+        assert "needs a window of 800 px" in page.locator("#missing").text_content()
+        page.set_viewport_size({"width": 900, "height": 760})
+        page.wait_for_selector("#step:not([hidden]) .prose")
+        phone = opened(browser, served.link(), is_mobile=True, has_touch=True)
+        phone.wait_for_selector("#missing")
+        assert "needs a keyboard" in phone.locator("#missing").text_content()
+        assert page.problems == phone.problems == []
+        for each in (page, phone):
+            each.context.close()
+    finally:
+        served.stop()

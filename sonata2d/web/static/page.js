@@ -72,6 +72,7 @@ function show(next) {
   view = next; language = view.language;
   document.documentElement.lang = language;
   showFrame();
+  if (showMissing()) return;
   const isDriving = Boolean(view.drive), isRating = Boolean(view.rating);
   byId("driving").hidden = !isDriving; byId("watching").hidden = !isRating;
   byId("step").hidden = isDriving || isRating;
@@ -94,6 +95,20 @@ function show(next) {
   report(view.problemKind ? t(PROBLEMS[view.problemKind]) + reason : "");
   setBusy();
 }
+
+/** The requirement that the device does not meet, in place of the step; false if it meets all. */
+function showMissing() {
+  const {keyboard, width} = data.requires;
+  const missing = keyboard && isTouched ? t("web.needs_keyboard") : width && innerWidth < width ? t("web.needs_width", {width}) : "";
+  if (!missing) return false;
+  for (const id of ["driving", "watching"]) byId(id).hidden = true;
+  byId("step").hidden = false; document.body.classList.remove("wide");
+  byId("step").replaceChildren(make("h1", {id: "title", tabindex: -1}, text(data.title)), make("p", {id: "missing"}, missing));
+  if (drive.status === "driving") drive.pause();
+  stepOnShow = null;
+  return true;
+}
+addEventListener("resize", () => { if (view && data.requires.width) show(view); });
 
 function showFrame() {
   const [done, total] = view.progress, [kept, runs] = view.runs;
