@@ -17,7 +17,7 @@ from .questions import AnyEntry, RatingQuestion, ScaleConfig
 from .texts import Name, Path, Text, Texts, Translations, TwoTranslations, require_distinct, texts_in
 
 _Questionnaire = Annotated[TupleOf[AnyEntry], Field(max_length=100)]
-Order = Literal["fixed", "shuffled", "latin-square"]
+Order = Literal["fixed", "shuffled", "latin-square", "between"]
 Change = Literal["view", "zoom", "zones"]
 ExternalName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,39}$")]
 
@@ -193,8 +193,8 @@ class StudyConfig(Settings):
         demographics: questions about the participant; their answers are personal unless a question says otherwise.
         practice: practice runs.
         runs: blocks of runs.
-        order: of the blocks: `fixed`; `latin-square`, balanced over the participants; or `shuffled`, all runs in random
-            order, another one for each participant.
+        order: of the blocks: `fixed`; `latin-square`, balanced over the participants; `shuffled`, all runs in random
+            order, another one for each participant; or `between`, each participant drives one block only, balanced.
         after_run: questions after each run that is kept.
         ratings: blocks of recorded runs to be rated.
         end: questions at the end.

@@ -101,11 +101,13 @@ def run_order(config: StudyConfig, index: int, row: int | None = None) -> list[t
     Args:
         config: settings of the study.
         index: number of the participant, from 0.
-        row: of the Latin square; None: that of the index.
+        row: of the Latin square, or number of the only block; None: that of the index.
     """
-    blocks = range(len(config.runs))
+    row, blocks = index if row is None else row, range(len(config.runs))
+    if config.order == "between" and config.runs:
+        blocks = [row % len(config.runs)]  # type: ignore[assignment]
     if config.order == "latin-square" and config.runs:
-        blocks = latin_square_row(len(config.runs), index if row is None else row)  # type: ignore[assignment]
+        blocks = latin_square_row(len(config.runs), row)  # type: ignore[assignment]
     runs = [(block, scene) for block in blocks for scene in range(config.runs[block].runs)]
     if config.order == "shuffled":
         runs.sort(key=lambda run: order_key(config.seed, "runs", index, *run))
@@ -113,9 +115,10 @@ def run_order(config: StudyConfig, index: int, row: int | None = None) -> list[t
 
 
 def rows_of(config: StudyConfig) -> int:
-    """Number of different rows of the Latin square; 1 for other orders."""
-    count = len(config.runs) if config.order == "latin-square" else 0
-    return max(count * (1 + count % 2), 1)
+    """Number of different rows of the Latin square, or of blocks of which each participant drives one; else 1."""
+    count = len(config.runs)
+    rows = {"latin-square": count * (1 + count % 2), "between": count}
+    return max(rows.get(config.order, 1), 1)
 
 
 def latin_square_row(n: int, index: int) -> list[int]:

@@ -143,6 +143,24 @@ def test_places_and_rows_count_those_who_finish_or_may_finish(doors: StudyFolder
     assert sorted(first.values()) == [0, 0, 1, 1, 2, 2]
 
 
+def test_each_participant_drives_one_block_in_a_design_between_subjects(doors: StudyFolder, tmp_path: Path) -> None:
+    (tmp_path / "doors.yaml").write_text(BLOCKS.replace("latin-square", "between"))
+    folder, now = StudyFolder(tmp_path / "between", load_study(tmp_path / "doors.yaml")), datetime.now(UTC)
+    kept = []
+    for number in range(40):
+        id = folder.recruit({}, limit=12)
+        if id is None:
+            break
+        participant = Participant(folder, id, now=lambda: now)
+        if number % 3 == 1:
+            participant.decline("consent")
+        else:
+            kept.append([step.block for step in participant.steps if step.kind == "run"])
+        participant.close()
+    assert all(len(blocks) == 1 for blocks in kept)
+    assert Counter(block for (block,) in kept) == {0: 4, 1: 4, 2: 4}
+
+
 def test_an_active_participant_holds_a_place(doors: StudyFolder) -> None:
     id = doors.recruit({}, limit=1)
     assert id is not None
