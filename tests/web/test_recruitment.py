@@ -133,3 +133,17 @@ def test_a_device_that_lacks_something_is_told_so(browser: Any, study_folder: Pa
             each.context.close()
     finally:
         served.stop()
+
+
+def test_the_first_tab_can_go_on_after_a_second_one(browser: Any, panel: Served) -> None:
+    link = panel.link()
+    first = opened(browser, link)
+    first.wait_for_selector("#step:not([hidden]) .prose")
+    second = opened(browser, link)
+    second.wait_for_selector("#step:not([hidden]) .prose")
+    first.wait_for_selector("#here")
+    second.context.close()
+    first.locator("#here").click()
+    first.wait_for_selector("#step:not([hidden]) .prose")
+    assert first.locator("#here").count() == 0
+    first.context.close()

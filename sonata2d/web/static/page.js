@@ -401,6 +401,7 @@ function showConnection() {
   const words = {lost: "web.lost", taken: "web.taken", refused: "web.refused", unknown: "web.unknown", mistakes: "web.mistakes"}[connection];
   byId("connection").hidden = !words;
   byId("connection").textContent = words ? t(words) : "";
+  if (connection === "taken") byId("connection").append(" ", make("button", {id: "here", onclick: () => location.reload()}, t("web.here")));
   setBusy();
 }
 // Keys that are still held, or were pressed to drive, must not press a button or choose an answer of the card.
