@@ -70,6 +70,7 @@ def _types(ctx: click.Context, _: click.Parameter, values: tuple[str, ...]) -> d
     metavar="N",
     help="Formats parquet, webdataset: N episodes in each file, for large data sets.",
 )
+@click.option("--part", metavar="NAME", help="Only this part of a data set that is split.")
 @click.option(
     "--questions", type=click.IntRange(1), metavar="N", help="Format chat: lines of each episode.  [default: 20]"
 )
@@ -86,6 +87,7 @@ def command(
     robot: int,
     robots_as: Literal["people", "objects"],
     shard_size: int | None,
+    part: str | None,
     questions: int | None,
     pictures: bool,
     workers: WorkerOptions,
@@ -95,14 +97,26 @@ def command(
     Episodes that the format cannot hold, or that its readers would misinterpret, are skipped, with the reason. The exit
     code is 1 if a file is damaged or cannot be written, or if no episode was exported.
     """
+    from sonata2d.datasets.dataset import Dataset
+    from sonata2d.datasets.manifest import read_manifest
+    from sonata2d.datasets.manifest.read import has_manifest
     from sonata2d.formats.api import episodes_in, export_to
     from sonata2d.formats.format import Options
 
-    with workers.started() as pool, progress(len(episodes_in(source)), "episodes") as advance:
+    chosen: Path | Dataset = source
+    if part is not None:
+        parts = Dataset(source).parts
+        if part not in parts:
+            raise click.UsageError(f"{source} has no part {part!r}; it has {', '.join(parts)}")
+        chosen = parts[part]
+    count = len(chosen) if isinstance(chosen, Dataset) else len(episodes_in(source))
+    with workers.started() as pool, progress(count, "episodes") as advance:
         options = Options(
             original=quirks == "original", context=context, types=types, robot=robot, robots_as=robots_as,
             questions=questions, pictures=pictures,
         )  # fmt: skip
         require_supported(format, options)
-        result = export_to(source, format, output, options, shard_size=shard_size, workers=pool, advance=advance)
+        result = export_to(chosen, format, output, options, shard_size=shard_size, workers=pool, advance=advance)
+    if part is None and has_manifest(source) and (split := read_manifest(source)["split"]):
+        result.notes.append(f"all parts of the split are in the export, {', '.join(split)}; --part NAME exports one")
     show_transfer(result, format, f"{output}: {counted(len(result.files), f'{format} file')}")

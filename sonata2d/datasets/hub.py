@@ -70,8 +70,12 @@ def push_dataset(
     hub = optional("huggingface_hub", RecordError, extra="hub")
     optional("pyarrow", RecordError, extra="hub")
     folder = location(folder)
+    if not _NAME.fullmatch(name):
+        raise RecordError(f"{name!r} is no name on the Hugging Face Hub; give OWNER/NAME")
     if is_remote(folder):
         raise RecordError(f"{folder} is in a store; copy the data set to this machine and push the copy")
+    if not folder.exists():
+        raise RecordError(f"{folder} does not exist")
     names = _prepared(folder, personal)
     with _clear_errors(name):
         api = hub.HfApi()
@@ -227,5 +231,9 @@ def _clear_errors(name: str) -> Iterator[None]:
             remedy = "check the name, and log in with `hf auth login`, or set HF_TOKEN"
         else:
             remedy = "check the network, HF_ENDPOINT and HF_HUB_OFFLINE, and try again"
-        place = f"{name} cannot be reached on the Hugging Face Hub"
-        raise RecordError(f"{place} ({type(error).__name__}: {one_line(error, 200)}); {remedy}") from error
+        if code is None:
+            place = f"{name} cannot be reached on the Hugging Face Hub ({type(error).__name__}: {one_line(error, 200)})"
+        else:
+            verb = "is refused by" if code in (401, 403) else "cannot be reached on"
+            place = f"{name} {verb} the Hugging Face Hub ({type(error).__name__}, {code})"
+        raise RecordError(f"{place}; {remedy}") from error

@@ -33,7 +33,7 @@ from ..record.files import episode_key
 from ..record.layout import COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from ..record.reader import read_episode
 from ..record.record import EpisodeRecord
-from ..record.tables import JSON_KEYS, tables_of
+from ..record.tables import CONTACT_COLUMNS, JSON_KEYS, tables_of
 from ..workers.executors import Workers, parallel_map, shared_workers
 from ..workers.tasks import stop_if_over, stop_if_unwanted
 from .manifest.rows import paths_in, read_manifest
@@ -41,7 +41,7 @@ from .manifest.rows import paths_in, read_manifest
 logger = logging.getLogger(__name__)
 
 TABLES = ("episodes", "frames")
-_LAYOUT = 1  # of the columns; tables of another layout are written again
+_LAYOUT = 2  # of the columns; tables of another layout are written again
 _PART = 1000  # episodes in a file of a data set
 _ROW_GROUP, _GROUP_BYTES = 100_000, 1 << 24  # rows and bytes of a row group
 _JOINED = 64  # tables of episodes that are joined at a time
@@ -196,6 +196,7 @@ def schemas(pa: Any) -> dict[str, Any]:
         "episodes": {"episode_id": text}
         | dict.fromkeys(("name", "family", "contributor", "context", "outcome", "outcome_reason"), text)
         | dict.fromkeys(("seed", "episode", "physics", "frames"), integer)
+        | dict.fromkeys((f"{kind}_contacts" for kind in CONTACT_COLUMNS), integer)
         | dict.fromkeys(("dt", "goal_x", "goal_y", "goal_distance", "robot_radius"), number)
         | {"label": text, "header": text},
         "frames": {"episode_id": text, "tick": integer, "time": number}

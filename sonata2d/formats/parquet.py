@@ -7,6 +7,7 @@ files, `frames-00000.parquet` and so on, each with the rows of that many episode
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,9 +18,10 @@ from ..core.files.locations import delete, file_names
 from ..core.files.reading import require_readable
 from ..core.wording import one_line
 from ..datasets import tables
+from ..datasets.card.text import version_of
 from ..datasets.tables import TABLES, PackedEpisode, pyarrow, schemas
 from ..errors import RecordError
-from ..record.files import write_atomically
+from ..record.files import sha256_of, write_atomically
 from ..record.layout import ABSENT, COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from ..record.record import EpisodeRecord
 from ..record.tables import JSON_KEYS
@@ -28,7 +30,19 @@ from .importing import document_of, parsing
 
 NAME = "parquet"
 _OLDER = ("agents", "interactions")  # tables of sonata2d 0.3 and older
-_NEWER_COLUMNS = ("doors", "robots", "sensors", "goal_x", "goal_y", "goal_theta", "humans", "interactions")
+_NEWER_COLUMNS = (
+    "human_contacts",
+    "object_contacts",
+    "wall_contacts",
+    "doors",
+    "robots",
+    "sensors",
+    "goal_x",
+    "goal_y",
+    "goal_theta",
+    "humans",
+    "interactions",
+)
 
 
 def pack(record: EpisodeRecord, key: str, options: Options) -> PackedEpisode:
@@ -74,8 +88,12 @@ def finish(out: Path, parts: int) -> list[Path]:
     for name in TABLES if parts else ():
         delete(out / f"{name}.parquet")
     ending = "-*.parquet" if parts else ".parquet"
+    # the cache of `datasets` tells exports of one name apart by it
+    tables_here = [file for file in sorted(file_names(out)) if file.endswith(".parquet")]
+    version = version_of(hashlib.sha256("".join(sha256_of(out / file) for file in tables_here).encode()).digest())
     configs = "".join(
-        f'- config_name: {name}\n  data_files: "{name}{ending}"\n' + "  default: true\n" * (name == "frames")
+        f'- config_name: {name}\n  version: {version}\n  data_files: "{name}{ending}"\n'
+        + "  default: true\n" * (name == "frames")
         for name in reversed(TABLES)
     )
     # the description of the tables is the table of the docstring of their module

@@ -12,9 +12,10 @@ A sample is an episode of T frames, N pedestrians, W walls, O objects and K inte
 | `command.npy`, `executed.npy` | T, 3 | vx, vy, omega in the robot's frame |
 | `walls.npy` | W, 4 | x and y of both ends |
 | `objects.npy` | O, 6 | x, y, theta, length, width, 1 for a disc |
+| `human_ids.npy`, `object_ids.npy` | N; O | ids, as interactions have them |
 | `interactions.npy` | K, 4 | frame, id, number in `sonata2d.core.relations.RELATIONS`, id |
 
-Numbers are float32, those of interactions int64. Source: WebDataset, https://github.com/webdataset/webdataset.
+Numbers are float32; ids and interactions int64. Source: WebDataset, https://github.com/webdataset/webdataset.
 """
 
 from __future__ import annotations
@@ -84,7 +85,12 @@ def pack(record: EpisodeRecord, key: str, options: Options) -> _Sample:
     ]
     files = {"json": orjson.dumps(scalars)}
     files |= {f"{name}.npy": _npy(np.array(v, dtype=np.float32).reshape(shape)) for name, (v, shape) in arrays.items()}
-    return _Sample(key, files | {"interactions.npy": _npy(np.array(rows, dtype=np.int64).reshape(-1, 4))})
+    integers: dict[str, tuple[Any, tuple[int, ...]]] = {
+        "human_ids": ([human.id for human in scene.humans], (-1,)),
+        "object_ids": ([piece.id for piece in scene.furniture], (-1,)), "interactions": (rows, (-1, 4)),
+    }  # fmt: skip
+    files |= {f"{name}.npy": _npy(np.array(v, dtype=np.int64).reshape(shape)) for name, (v, shape) in integers.items()}
+    return _Sample(key, files)
 
 
 def _npy(array: Any) -> bytes:

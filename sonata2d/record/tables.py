@@ -11,6 +11,7 @@ from .layout import COMMAND_NAMES, HUMAN_NAMES, ROBOT_NAMES, JsonDict
 from .record import EpisodeRecord
 
 TABLES = ("episodes", "frames", "agents", "interactions")
+CONTACT_COLUMNS = ("human", "object", "wall")  # kinds of contacts that `episodes` counts
 JSON_KEYS = ("contacts", "doors", "robots", "events", "label", "sensors")  # columns of `frames` that hold JSON
 
 
@@ -51,10 +52,19 @@ def _episode(record: EpisodeRecord, name: str) -> dict[str, Any]:
         "goal_y": scene.goal.y,
         "goal_distance": scene.goal.distance,
         "robot_radius": scene.robot.radius,
+        **{f"{kind}_contacts": _contacts(document, kind) for kind in CONTACT_COLUMNS},
         "label": _json(document, "label"),
         "header": orjson.dumps(header).decode(),
     }
     return {key: [value] for key, value in row.items()}
+
+
+def _contacts(document: JsonDict, kind: str) -> int | None:
+    """Number of states in which the robot is in contact with something of a kind; None if contacts are unknown."""
+    if document.get("imported"):
+        return None
+    states = (*document["frames"], document["final"])
+    return sum(any(row["kind"] == kind for row in state["contacts"]) for state in states)
 
 
 def _json(tree: JsonDict, key: str) -> str | None:

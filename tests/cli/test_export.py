@@ -149,3 +149,16 @@ def test_a_data_set_is_not_overwritten_by_an_import_or_an_export(sonata2d: Run, 
     sonata2d("generate other --scenario quick.yaml --episodes 2 --seed 5 --workers 1 --no-picture")
     assert "belongs to the data set out" in sonata2d("export other --to socnav3 -o out", code=1).output
     assert {path: path.read_bytes() for path in dataset.iterdir()} == before
+
+
+def test_one_part_of_a_split_is_exported(sonata2d: Run, here: Path) -> None:
+    sonata2d("generate out --scenario quick.yaml --workers 1 --no-picture --episodes 5")
+    sonata2d("split out --parts train=3,test=2")
+    result = sonata2d("export out --to npz -o all")
+    assert "all parts of the split are in the export, train, test; --part NAME exports one" in result.output
+    assert len(list((here / "all").iterdir())) == 5
+    result = sonata2d("export out --to npz --part test -o test")
+    assert "all parts" not in result.output
+    assert len(list((here / "test").iterdir())) == 2
+    result = sonata2d("export out --to npz --part dev -o dev", code=2)
+    assert "has no part 'dev'; it has train, test" in result.output

@@ -298,7 +298,7 @@ def test_errors_of_the_hub_are_one_line_with_the_remedy(
     folder = str(made[None])
     with pytest.raises(RecordError, match="check the owner's name"):
         push_dataset(folder, "others/demo")
-    with pytest.raises(RecordError, match="give a name such as OWNER/NAME"):
+    with pytest.raises(RecordError, match="is no name on the Hugging Face Hub; give OWNER/NAME"):
         push_dataset(folder, "a/b/c")
     with pytest.raises(RecordError, match=r"is not a folder here, and cannot be reached .*check the name"):
         s2.load(f"{OWNER}/missing")

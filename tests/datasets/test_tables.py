@@ -152,12 +152,17 @@ def test_names_of_parts_do_not_collide_and_are_texts_in_the_card(visited: Path, 
     assert verify(tmp_path / "runs") == []
 
 
-def test_a_card_that_names_other_tables_is_found(visited: Path, tmp_path: Path) -> None:
+def test_an_edited_card_names_the_present_tables(visited: Path, tmp_path: Path) -> None:
     shutil.copytree(visited, tmp_path / "runs")
     card = tmp_path / "runs" / "README.md"
     card.write_text(card.read_text() + "My notes.\n")
     with pytest.warns(DatasetWarning, match="was edited"):
         split_dataset(tmp_path / "runs", {"train": 1, "test": 1})
+    header = yaml.safe_load(card.read_text().split("---\n")[1])
+    assert [each["split"] for each in header["configs"][0]["data_files"]] == ["train", "test"]
+    assert card.read_text().endswith("My notes.\n")
+    assert verify(tmp_path / "runs") == []
+    card.write_text(card.read_text().replace('"frames-test-*', '"frames-*'))
     (problem,) = verify(tmp_path / "runs")
     assert 'names other tables under `configs` than the data set has: "frames-train-*.parquet"' in str(problem)
     assert problem.place == "tables"
@@ -203,6 +208,26 @@ def test_a_failed_write_of_tables_says_that_the_episodes_are_complete(
         generate_dataset(tmp_path / "runs", VISITED, episodes=1, progress=False)
     assert len(s2.Dataset(tmp_path / "runs")) == 1
     assert verify(tmp_path / "runs") == []
+
+
+def test_hugging_face_tells_data_sets_of_one_name_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its cache is found by the name of the folder and the version in the card, not by the content."""
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    datasets = pytest.importorskip("datasets", reason="datasets is not installed")
+
+    def count(folder: Path, part: str = "train") -> int:
+        loaded = datasets.load_dataset(str(folder), "episodes", cache_dir=str(tmp_path / "cache"))
+        return int(loaded[part].num_rows)
+
+    for number in (2, 3):
+        generate_dataset(tmp_path / str(number) / "demo", VISITED, episodes=number, progress=False)
+        assert count(tmp_path / str(number) / "demo") == number
+    folder = tmp_path / "3" / "demo"
+    generate_dataset(folder, VISITED, episodes=6, overwrite=True, progress=False)
+    assert count(folder) == 6
+    for fraction, expected in ((1, 3), (2, 4)):
+        split_dataset(folder, {"train": fraction, "test": 1})
+        assert (count(folder), count(folder, "test")) == (expected, 6 - expected)
 
 
 def test_hugging_face_reads_the_folder_with_no_option(

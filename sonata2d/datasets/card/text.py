@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shlex
 from functools import cache, partial
@@ -9,6 +10,7 @@ from typing import Any
 
 from ...record.layout import JsonDict
 from ..manifest.names import SCENARIO
+from ..manifest.rows import listing
 from ..summaries import totals_of
 from ..tables import table_name
 from .markdown import cell, code, code_block, inline
@@ -78,10 +80,24 @@ def configs_of(manifest: JsonDict, has_tables: bool) -> str:
     names = {table_name(part): f"{table_name(part)}-" for part in manifest["split"] or ()} or {"train": ""}
     lines = ["configs:"]
     for table in ("frames", "episodes"):
-        lines += [f"- config_name: {table}", *(["  default: true"] if table == "frames" else ()), "  data_files:"]
+        lines += [f"- config_name: {table}", f"  version: {_version_of(manifest)}"]
+        lines += [*(["  default: true"] if table == "frames" else ()), "  data_files:"]
         for part, prefix in names.items():  # in quotes, since YAML takes some words and numbers for other types
             lines += [f"  - split: {json.dumps(part)}", f"    path: {json.dumps(f'{table}-{prefix}*.parquet')}"]
     return "".join(f"{line}\n" for line in lines)
+
+
+def _version_of(manifest: JsonDict) -> str:
+    """A version that follows from the content: by it, the cache of `datasets` tells data sets of one name apart."""
+    digest = hashlib.sha256("".join(row["sha256"] for row in listing(manifest)).encode())
+    for part, names in (manifest["split"] or {}).items():
+        digest.update("\0".join((part, *names)).encode())
+    return version_of(digest.digest())
+
+
+def version_of(digest: bytes) -> str:
+    """A version number for a hash."""
+    return f"0.0.{int.from_bytes(digest[:6], 'big')}"
 
 
 def _other_robots(manifest: JsonDict) -> str:

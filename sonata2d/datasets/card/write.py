@@ -26,6 +26,7 @@ from ..tables import has_pyarrow, remove_tables, table_names, write_tables
 from .croissant import Publication, croissant_metadata, stored_publication
 from .text import card_text, configs_of, default_licence
 
+_CONFIGS = re.compile(r"^configs:\n(?:(?:- |  ).*\n)*", re.MULTILINE)  # of the front matter
 _SEAL = re.compile(r"<!-- written by sonata2d, SHA-256 of the text above: ([0-9a-f]{64}) -->\n")
 
 
@@ -56,7 +57,8 @@ def write_manifest_and_card(folder: Path, manifest: JsonDict, *, licence: str | 
         _write_metadata(folder, described, data, replace(stored, licence=licence))
     write_atomically(folder / MANIFEST, data)
     if is_edited:
-        message = f"{folder / CARD} was edited, so it stays as it is; write it again with `sonata2d card`"
+        _renew_configs(folder, described)
+        message = f"{folder / CARD} was edited, so its text stays as it is; write it again with `sonata2d card`"
         warnings.warn(message, DatasetWarning, stacklevel=2)
 
 
@@ -136,10 +138,21 @@ def write_tables_and_card(
         RecordError: as of `write_tables`.
     """
     write_tables(folder, workers=workers, advance=advance)
-    if not has_edited_card(folder):
-        manifest = _with_settings(folder, read_manifest(folder))
+    manifest = _with_settings(folder, read_manifest(folder))
+    if has_edited_card(folder):
+        _renew_configs(folder, manifest)
+    else:
         licence = _licence(folder, stored_publication(folder), manifest)
         _write_text(folder, card_text(manifest, licence, has_tables=True))
+
+
+def _renew_configs(folder: Path, manifest: JsonDict) -> None:
+    """Name the present tables in an edited card, if it names any."""
+    path = folder / CARD
+    text = read_text(path)
+    expected = configs_of(manifest, has_tables=bool(table_names(folder)))
+    if (found := _CONFIGS.search(text)) and found[0] != expected:
+        write_atomically(path, text.replace(found[0], expected, 1).encode())
 
 
 def write_tables_as(folder: Path, sources: Sequence[Path], workers: int | Executor | Workers = 1) -> None:
@@ -218,7 +231,7 @@ def card_differences(folder: Path, manifest: JsonDict) -> list[tuple[str, str]]:
     total = sum(row["ticks"] for row in listing(manifest))  # the rows of shards have the sums of their episodes
     if frames and int(frames[1]) != total:
         differences.append(("counts", f"states {frames[1]} frames, the manifest {total}"))
-    configs = re.search(r"^configs:\n(?:(?:- |  ).*\n)*", text, re.MULTILINE)
+    configs = _CONFIGS.search(text)
     expected = configs_of(manifest, has_tables=bool(table_names(folder)))
     if configs and configs[0] != expected:
         named = ", ".join(re.findall(r"path: (.*)", expected)) or "none"
