@@ -14,8 +14,8 @@ from lerobot.configs.policies import PreTrainedConfig
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
 import sonata2d as s2
-from sonata2d.formats.chat.words import instruction
 from sonata2d.formats.lerobot import IMAGE, Observer
+from sonata2d.metrics.words import instruction
 
 
 class LeRobotPolicy(s2.Controller):

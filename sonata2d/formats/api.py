@@ -10,7 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ..core.files.locations import is_remote, location, make_folder
+from ..core.files.locations import file_names, is_remote, location, make_folder
+from ..core.wording import counted
 from ..datasets.dataset import Dataset
 from ..datasets.manifest import MANIFEST, METRICS, SCENARIO, files_of
 from ..errors import RecordError, UnsuitableEpisode
@@ -232,6 +233,12 @@ class _Transfer:
                 result.add_omission(source, error)
             self.advance(1)
         result.notes.extend(f"{note} ({count} of {len(self.files)} episodes)" for note, count in notes.items())
+        if not is_single and self.out.is_dir():
+            names = {path.name for path in result.files}
+            if others := sum(n.endswith(self.format.suffix) and n not in names for n in file_names(self.out)):
+                result.notes.append(
+                    f"{self.out} holds {counted(others, 'file')} more of this kind, as of an earlier export"
+                )
         return result
 
     def tables(self) -> TransferResult:

@@ -36,9 +36,9 @@ from ..core.snapshot import Snapshot
 from ..core.vectors import lengths
 from ..datasets.tables import pyarrow
 from ..errors import RecordError, UnsuitableEpisode
+from ..metrics.words import instruction
 from ..record.files import write_atomically
 from ..record.record import EpisodeRecord
-from .chat.words import instruction
 from .format import Format, Options, Tables, require_even_times, require_task
 
 NAME = "lerobot"

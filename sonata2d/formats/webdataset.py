@@ -35,10 +35,10 @@ from ..core.geometry import Disc
 from ..core.relations import RELATIONS
 from ..datasets.manifest.names import part_path, shard_name, shard_number
 from ..errors import RecordError
+from ..metrics.words import instruction
 from ..record.layout import HUMAN_NAMES
 from ..record.record import EpisodeRecord
 from ..record.shard_file import ShardWriter
-from .chat.words import instruction
 from .format import ROBOT_OPTIONS, Format, Options, Tables, require_task
 
 NAME = "webdataset"

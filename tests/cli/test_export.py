@@ -162,3 +162,12 @@ def test_one_part_of_a_split_is_exported(sonata2d: Run, here: Path) -> None:
     assert len(list((here / "test").iterdir())) == 2
     result = sonata2d("export out --to npz --part dev -o dev", code=2)
     assert "has no part 'dev'; it has train, test" in result.output
+
+
+def test_files_of_an_earlier_export_are_named(sonata2d: Run, dataset: Path, here: Path) -> None:
+    assert "more of this kind" not in sonata2d("export out --to npz -o arrays").output
+    (here / "arrays" / "000007.npz").write_bytes(b"earlier")
+    assert (
+        "arrays holds 1 file more of this kind, as of an earlier export"
+        in sonata2d("export out --to npz -o arrays").output
+    )

@@ -21,6 +21,8 @@ from sonata2d.datasets import (
     write_card,
     write_tables,
 )  # fmt: skip
+from sonata2d.datasets.card.text import card_text
+from sonata2d.datasets.manifest import read_manifest
 from sonata2d.errors import DatasetWarning, RecordError
 
 pa = pytest.importorskip("pyarrow", reason="pyarrow comes with the parquet extra")
@@ -195,6 +197,8 @@ def test_a_card_names_tables_only_where_there_are_some(visited: Path, tmp_path: 
     # else Hugging Face would take the manifests of shards for the data
     generate_dataset(tmp_path / "shards", VISITED, episodes=1, shard_size=1, tables=False, progress=False)
     assert "configs:" in (tmp_path / "shards" / "README.md").read_text()
+    manifest = read_manifest(tmp_path / "shards")
+    assert "configs:" in card_text(manifest | {"complete": False}), "also of an interrupted data set"
 
 
 def test_a_failed_write_of_tables_says_that_the_episodes_are_complete(

@@ -17,8 +17,8 @@ from sonata2d.formats import export_to, import_from
 from sonata2d.formats.chat.export import FORMAT, export
 from sonata2d.formats.chat.questions import QUESTIONS, ask
 from sonata2d.formats.chat.recompute import recompute
-from sonata2d.formats.chat.words import instruction, listed, persons, situation, story
 from sonata2d.formats.format import Options
+from sonata2d.metrics.words import instruction, listed, persons, situation, story
 from tests.running import record_of
 
 WARD: dict[str, Any] = {

@@ -15,7 +15,6 @@ from sonata2d.agents.controllers.local_planner import Dwa
 from sonata2d.core.tasks import ARRIVED
 from sonata2d.datasets import mirror_file, verify
 from sonata2d.errors import ConfigError, ControllerError, RecordError, SceneError, UnsuitableEpisode
-from sonata2d.formats.chat.words import instruction, story
 from sonata2d.formats.format import Options
 from sonata2d.formats.socnav3 import export as to_socnav3
 from sonata2d.gym import SocialNavEnv
@@ -23,6 +22,7 @@ from sonata2d.learning.graph import modern_graph
 from sonata2d.metrics import Trajectory
 from sonata2d.metrics.catalogue import METRICS
 from sonata2d.metrics.scene_difficulty import difficulty
+from sonata2d.metrics.words import instruction, story
 from sonata2d.view.stills import picture
 from tests.running import record_of
 

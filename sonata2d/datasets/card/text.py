@@ -75,7 +75,7 @@ def configs_of(manifest: JsonDict, has_tables: bool) -> str:
         manifest: of the data set.
         has_tables: whether there are tables beside the episodes.
     """
-    if not manifest["complete"] or manifest.get("shard") or not (has_tables or "shards" in manifest):
+    if manifest.get("shard") or not (has_tables or "shards" in manifest):
         return ""
     names = {table_name(part): f"{table_name(part)}-" for part in manifest["split"] or ()} or {"train": ""}
     lines = ["configs:"]

@@ -14,11 +14,11 @@ import numpy as np
 import orjson
 
 from ...errors import UnsuitableEpisode
+from ...metrics.words import instruction, path_words, situation, story
 from ...record.record import EpisodeRecord
 from ..format import Format, Options, require_robot
 from .questions import ask
 from .recompute import recompute
-from .words import instruction, path_words, situation, story
 
 NAME = "chat"
 QUESTIONS = 20  # of an episode, by default, the description included

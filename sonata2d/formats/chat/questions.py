@@ -15,8 +15,8 @@ from ...core.entities import Human
 from ...core.portable_math import Array
 from ...core.relations import ACTIVITIES, ACTIVITY, RELATION
 from ...core.rng import RandomStream
+from ...metrics.words import listed, name_of, persons, story, value_word
 from ...record.record import EpisodeRecord
-from .words import listed, name_of, persons, story, value_word
 
 _MARGIN, _SPEED_MARGIN = 0.15, 0.1  # m and m/s, by which an answer must be clear
 _ATTEMPTS = 60  # for each question that is asked for

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.attributes import Attributes, AttributeValue
-from ...core.entities import AT_PERSON, DEFAULT_KIND, Interaction
-from ...core.portable_math import unit_vector
-from ...core.relations import ACTIVITY, RELATION
-from ...core.scene import Scene
-from ...core.snapshot import Snapshot
-from ...metrics.encounters import Kind, Meeting, encounter
-from ...record.record import EpisodeRecord
+from ..core.attributes import Attributes, AttributeValue
+from ..core.entities import AT_PERSON, DEFAULT_KIND, Interaction
+from ..core.portable_math import unit_vector
+from ..core.relations import ACTIVITY, RELATION
+from ..core.scene import Scene
+from ..core.snapshot import Snapshot
+from ..record.record import EpisodeRecord
+from .encounters import Kind, Meeting, encounter
 
 _NEAR_GOAL = 1.5  # m, of an object or a person by which the goal is described
 _NOTHING = ("", "none", "nothing")  # values of the attribute robot_carries
