@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 from .config import StudyConfig
@@ -119,6 +120,22 @@ def rows_of(config: StudyConfig) -> int:
     count = len(config.runs)
     rows = {"latin-square": count * (1 + count % 2), "between": count}
     return max(rows.get(config.order, 1), 1)
+
+
+def condition_of(config: StudyConfig, index: int, row: int | None = None) -> str:
+    """The condition of a participant: the only block, or the blocks in the order of a Latin square; else empty.
+
+    A block has its number, from 0, and its scenario, such as `0: doorway → 1: corridor`.
+
+    Args:
+        config: of the study.
+        index: number of the participant, from 0.
+        row: as of `run_order`.
+    """
+    if config.order not in ("between", "latin-square"):
+        return ""
+    blocks = dict.fromkeys(block for block, _ in run_order(config, index, row))
+    return " → ".join(f"{block}: {Path(config.runs[block].scenario).stem}" for block in blocks)
 
 
 def latin_square_row(n: int, index: int) -> list[int]:

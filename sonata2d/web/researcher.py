@@ -11,6 +11,7 @@ from ..core.wording import one_line
 from ..errors import Sonata2dError
 from ..study.folder import StudyFolder
 from ..study.links import Links
+from ..study.plan import condition_of, rows_of
 from ..study.progress import Progress, progress_of_all
 from ..study.texts import Json
 from ..view.scene_data import scene_data
@@ -81,11 +82,12 @@ class Researcher:
             self._new_participant()
 
     def _overview(self) -> Json:
-        tokens = self._links.tokens()
+        tokens, config = self._links.tokens(), self._folder.study.config
         return {
             "type": "overview",
             "isStudyPaused": self.is_paused,
             "open": self._links.open,
+            "conditions": [*dict.fromkeys(condition_of(config, row) for row in range(rows_of(config)))],
             "problem": one_line("; ".join(self._problems), 300),
             "participants": [
                 self._row(index, id, tokens.get(id))
@@ -104,6 +106,7 @@ class Researcher:
         return {
             "id": id,
             "token": token,
+            "condition": condition_of(self._folder.study.config, index, self._folder.rows.get(id)),
             "kind": "declined" if progress.has_declined else progress.step.kind,
             "step": progress.step.id,
             "progress": progress.progress,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -220,4 +221,47 @@ def test_help_shows_keys_and_symbols(browser: Any, served: Served) -> None:
     end(page)
     go_on(page)
     assert page.problems == []
+    page.context.close()
+
+
+def test_completions_by_condition_filter_and_undefined_agreement(browser: Any, study_folder: Path) -> None:
+    path = study_folder / "study.yaml"
+    blocks = "order: between\nruns:\n  - {scenario: plain.yaml, runs: 1}\n  - scenario: room.yaml\n    runs: 1"
+    (study_folder / "plain.yaml").write_text("extends: sonata-2020\n")
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("runs:\n  - scenario: room.yaml\n    runs: 3", blocks), encoding="utf-8")
+    served = Served(study_folder)
+    try:
+        for k in range(3):
+            served.server.new_participant()
+            participant = Participant(served.server.folder, f"p00{k + 1}")
+            while participant.step.kind != "thanks" and not (k == 2 and participant.step.kind == "run"):
+                if participant.step.kind == "ratings":
+                    participant.rate(True, seconds=1.0, whole=True)
+                else:
+                    participant.skip(participant.step.id)
+            participant.close()
+        with client_of(page_of(served)) as client:
+            overview = client.ask(type="overview")
+            assert overview["conditions"] == ["0: plain", "1: room"]
+            assert [row["condition"] for row in overview["participants"]] == ["0: plain", "1: room", "0: plain"]
+        page = opened(browser, page_of(served))
+        page.get_by_text("Finished, by condition: 0: plain (1), 1: room (1)", exact=True).wait_for()
+        page.get_by_text("Krippendorff's alpha, nominal: undefined").wait_for()
+        assert re.search(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d \(\d+ .*ago\)", page.locator("#rows").inner_text())
+        visible = page.locator("#rows tr:visible")
+        for words, count in (("plain", 2), ("plain finished", 1), ("nobody", 0), ("", 3)):
+            page.get_by_label("Show only rows with").fill(words)
+            assert visible.count() == count
+        assert page.problems == []
+        page.context.close()
+    finally:
+        served.stop()
+
+
+def test_a_study_without_conditions_shows_none(browser: Any, served: Served) -> None:
+    page = opened(browser, page_of(served))
+    page.wait_for_selector("#rows", state="attached")
+    page.wait_for_function("document.getElementById('summary').textContent")
+    assert not page.locator("#completions").is_visible()
     page.context.close()

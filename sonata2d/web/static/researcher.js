@@ -6,7 +6,7 @@ import {byId, filled, make, socketAddress} from "./elements.js";
 
 const OVERVIEW_PERIOD = 1000, LOOK_PERIOD = 100;   // ms
 const COLUMNS = {participant: "researcher.participant", step: "researcher.step", progress: "researcher.progress", runs: "researcher.runs",
-  connection: "researcher.connection", lastEvent: "researcher.last_event", link: "researcher.link"};
+  connection: "researcher.connection", lastEvent: "researcher.last_event", condition: "researcher.condition", link: "researcher.link"};
 const KINDS = {page: "researcher.page", consent: "researcher.consent", questions: "researcher.questions", practice: "researcher.practice",
   run: "researcher.run", ratings: "researcher.ratings", thanks: "researcher.thanks", screened: "researcher.screened", declined: "researcher.declined"};
 const STATES = {driving: "readings.recording", paused: "readings.paused", ended: "readings.frozen"};
@@ -42,7 +42,7 @@ function order(message) { problems.request = ""; server.send(message); }
 
 // ---- participants
 
-function showOverview({participants, isStudyPaused, open}) {
+function showOverview({participants, isStudyPaused, open, conditions}) {
   isPaused = isStudyPaused;
   byId("pause").textContent = t(isPaused ? "researcher.resume" : "researcher.pause");
   byId("pause").setAttribute("aria-pressed", isPaused);
@@ -50,7 +50,25 @@ function showOverview({participants, isStudyPaused, open}) {
   const finished = participants.filter(participant => participant.kind === "thanks").length;
   byId("summary").textContent = isPaused ? t("researcher.paused") : t("researcher.summary", {here, all, finished});
   byId("open").value = `${base}/j/${open}`;
+  byId("completions").hidden = conditions.length < 2;
+  byId("completions").textContent = `${t("researcher.completions")}: ` + conditions.map(name =>
+    `${name} (${participants.filter(participant => participant.condition === name && participant.kind === "thanks").length})`).join(", ");
   participants.forEach(showRow);
+  filterRows();
+}
+
+/** Shows the rows that contain each word of the filter. */
+function filterRows() {
+  const words = byId("filter").value.toLowerCase().split(/\s+/);
+  for (const {row} of rows.values()) row.hidden = !words.every(word => row.textContent.toLowerCase().includes(word));
+}
+
+/** A time of day as ISO 8601 with the time since then, such as "2026-01-31 14:05:09 (3 min ago)". */
+function dated(time) {
+  const seconds = Math.max((Date.now() - new Date(time)) / 1000, 0);
+  const [value, unit] = seconds < 60 ? [seconds, "second"] : seconds < 3600 ? [seconds / 60, "minute"] : seconds < 86400 ? [seconds / 3600, "hour"] : [seconds / 86400, "day"];
+  const ago = new Intl.RelativeTimeFormat(document.documentElement.lang, {style: "short"}).format(-Math.floor(value), unit);
+  return `${new Date(time).toLocaleString("sv")} (${ago})`;
 }
 
 function showRow(participant) {
@@ -65,7 +83,8 @@ function showRow(participant) {
     progress: `${done} / ${total}`,
     runs: participant.runs.join(" / "),
     connection: participant.isOpen && participant.roundTrip !== null ? `${open} · ${Math.round(participant.roundTrip * 1000)} ms` : open,
-    lastEvent: participant.lastEvent ? new Date(participant.lastEvent).toLocaleString(document.documentElement.lang) : "",
+    lastEvent: participant.lastEvent ? dated(participant.lastEvent) : "",
+    condition: participant.condition,
   };
   for (const [name, text] of Object.entries(texts)) if (cells[name].textContent !== text) cells[name].textContent = text;
   row.classList.toggle("online", participant.isOpen);
@@ -135,6 +154,7 @@ function showAgreement(blocks) {
   byId("blocks").replaceChildren(...blocks.map(block => {
     const lines = block.ratings ? [t("researcher.raters", block)] : [t("researcher.no_ratings")];
     if (block.alpha !== null) lines.push(t("researcher.alpha", {measure: block.measure, value: block.alpha.toFixed(2)}));
+    else if (block.measure) lines.push(t("researcher.undefined", block));
     if (block.same !== null) lines.push(t("researcher.same", {percent: Math.round(100 * block.same), count: block.repeats}));
     const disputed = block.disputed.map(({file, labels}) => make("li", {}, `${file}: ${Object.entries(labels).map(([rater, label]) => `${rater} ${label}`).join(", ")}`));
     return make("div", {}, make("h3", {}, `${block.name}: ${block.question}`), ...lines.map(line => make("p", {}, line)),
@@ -147,6 +167,7 @@ function showAgreement(blocks) {
 byId("columns").append(...Object.values(COLUMNS).map(key => make("th", {scope: "col"}, t(key))));
 byId("export").href = location.pathname.replace(/\/$/, "") + "/export.zip";
 byId("export-personal").href = byId("export").href + "?personal=1";
+byId("filter").addEventListener("input", filterRows);
 const copyOpen = copyButton(byId("open"));
 if (copyOpen) byId("open").after(copyOpen);
 byId("pause").addEventListener("click", () => order({type: "pause_study", value: !isPaused}));
