@@ -179,7 +179,7 @@ def run_benchmark(
         secret: of `hidden`.
         parts: names of parts or entries, for trials; empty: all.
         scenes: largest number of scenes of each entry, for trials; None: all.
-        scorers: names of learned scores, or paths of models, whose columns are advisory.
+        scorers: names of learned scores, or paths of models; the Pareto front ignores their columns.
         recordings: folder with the recordings of a suite that needs some.
         workers: number of processes; or an executor, or workers that several calls share, see `sonata2d.Workers`.
         progress: as of `sonata2d.evaluate`.

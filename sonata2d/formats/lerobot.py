@@ -212,17 +212,12 @@ def _film(pictures: Any, fps: int) -> bytes:
     """
     import tempfile
 
-    ffmpeg = optional("imageio_ffmpeg", RecordError, extra="video")
+    from ..view.film import encode_mp4
+
+    optional("imageio_ffmpeg", RecordError, extra="video")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
-        writer = ffmpeg.write_frames(
-            str(path), (IMAGE.width, IMAGE.height), fps=fps, codec="libx264", macro_block_size=1,
-            output_params=["-g", "2", "-crf", "23", "-movflags", "+faststart"], ffmpeg_log_level="quiet",
-        )  # fmt: skip
-        writer.send(None)
-        for picture in pictures:
-            writer.send(np.ascontiguousarray(picture))
-        writer.close()
+        encode_mp4(path, map(np.ascontiguousarray, pictures), (IMAGE.width, IMAGE.height), fps, "rgb24", "-g 2 -crf 23")
         return path.read_bytes()
 
 

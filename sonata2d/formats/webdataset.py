@@ -20,7 +20,6 @@ Numbers are float32; ids and interactions int64. Source: WebDataset, https://git
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
@@ -30,6 +29,7 @@ from typing import Any
 import numpy as np
 import orjson
 
+from ..core.files.archives import npy_bytes
 from ..core.files.locations import delete, file_names, make_folder
 from ..core.geometry import Disc
 from ..core.relations import RELATIONS
@@ -84,19 +84,17 @@ def pack(record: EpisodeRecord, key: str, options: Options) -> _Sample:
         for src, relation, dst in frame["interactions"]
     ]
     files = {"json": orjson.dumps(scalars)}
-    files |= {f"{name}.npy": _npy(np.array(v, dtype=np.float32).reshape(shape)) for name, (v, shape) in arrays.items()}
+    files |= {
+        f"{name}.npy": npy_bytes(np.array(v, dtype=np.float32).reshape(shape)) for name, (v, shape) in arrays.items()
+    }
     integers: dict[str, tuple[Any, tuple[int, ...]]] = {
         "human_ids": ([human.id for human in scene.humans], (-1,)),
         "object_ids": ([piece.id for piece in scene.furniture], (-1,)), "interactions": (rows, (-1, 4)),
     }  # fmt: skip
-    files |= {f"{name}.npy": _npy(np.array(v, dtype=np.int64).reshape(shape)) for name, (v, shape) in integers.items()}
+    files |= {
+        f"{name}.npy": npy_bytes(np.array(v, dtype=np.int64).reshape(shape)) for name, (v, shape) in integers.items()
+    }
     return _Sample(key, files)
-
-
-def _npy(array: Any) -> bytes:
-    data = io.BytesIO()
-    np.save(data, array, allow_pickle=False)
-    return data.getvalue()
 
 
 def write(episodes: Iterator[_Sample], out: Path, number: int | None) -> list[Path]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from ..core.wording import shown
 from .questions import Entry
 
 _VERSION = 1  # of the events
+_TIME = "%Y-%m-%dT%H:%M:%SZ"  # of an event, UTC
 
 
 def checked_answers(entries: Iterable[Entry], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -64,6 +66,16 @@ class AnswerLog:
         event = {"version": _VERSION} | facts
         append_line(self.path, event, mode=0o600)
         self.lines.append(event)
+
+
+def event_time(at: datetime) -> str:
+    """A time in UTC as events have it: ISO 8601, to the second."""
+    return at.strftime(_TIME)
+
+
+def time_of(event: Mapping[str, Any]) -> datetime:
+    """The time of an event, UTC."""
+    return datetime.strptime(event["time"], _TIME).replace(tzinfo=UTC)
 
 
 def state_of(events: Sequence[Mapping[str, Any]]) -> str:

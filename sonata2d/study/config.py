@@ -140,12 +140,13 @@ class RecruitmentConfig(Settings):
 
     Attributes:
         ids: names of the ids in the address with which the panel opens the open link, such as `PROLIFIC_PID`. The first
-            one identifies a person: whoever comes again continues. Ids are personal answers.
-        complete: of those who have finished.
-        declined: of those who do not consent.
-        screened_out: of those whose answer ended the study.
-        full: of those for whom no place is left.
-        minutes: time without an event after which the place of somebody who has not finished is free; by default never.
+            one identifies a person: the same id continues as the same participant. Ids are personal answers.
+        complete: for people who have finished.
+        declined: for people who do not consent.
+        screened_out: for people whose answer ended the study.
+        full: for people who arrive when the study is full.
+        minutes: time without an event after which somebody who has not finished is no longer counted; by default, they
+            always are.
     """
 
     ids: Annotated[tuple[ExternalName, ...], Field(max_length=10)] = ()
@@ -208,7 +209,7 @@ class StudyConfig(Settings):
         undo: whether participants may take back the last kept run until the next one begins, or the program ends.
         seed: of the scenes, and of random orders.
         participants: largest number of participants, including participants with links of their own, up to which the
-            open link admits people. Those who decline or are screened out take no place.
+            open link admits people. People who decline or are screened out are not counted.
         recruitment: how participants of a panel arrive and go back.
         requires: what the device of a participant needs.
     """

@@ -24,7 +24,7 @@ from ..core.labels import LabelSpec
 from ..core.wording import counted, shown
 from ..errors import ConfigError, RecordError
 from ..record.files import read_bytes, safe_stem, sha256_of, write_atomically
-from .answers import AnswerLog, read_answers, state_of
+from .answers import AnswerLog, event_time, read_answers, state_of, time_of
 from .load import Study
 from .plan import rows_of
 from .texts import with_texts
@@ -166,9 +166,8 @@ class StudyFolder:
                 return known
             id = self.add_next(taken, limit)
             if id is not None and any(ids.values()):
-                time = f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
                 facts: dict[str, Any] = {"event": "answers", "step": RECRUITMENT, "values": dict(ids)}
-                AnswerLog(self.personal_of(id)).append(time=time, **facts)
+                AnswerLog(self.personal_of(id)).append(time=event_time(datetime.now(UTC)), **facts)
                 self._by_external[key] = id
             return id
 
@@ -183,8 +182,7 @@ class StudyFolder:
             state = state_of(events)
             is_away = False
             if state == "begun" and minutes is not None:
-                last = datetime.strptime(events[-1]["time"], "%Y-%m-%dT%H:%M:%SZ").replace(tzinfo=UTC)
-                is_away = datetime.now(UTC) - last > timedelta(minutes=minutes)
+                is_away = datetime.now(UTC) - time_of(events[-1]) > timedelta(minutes=minutes)
             if state not in ("declined", "screened out") and not is_away:
                 places[id] = k
         return places

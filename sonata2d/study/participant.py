@@ -14,7 +14,7 @@ from ..collect.rating import RatingSession, ratings_of
 from ..collect.session import Session
 from ..record.record import EpisodeRecord
 from ..scenegen.scenario.config import ScenarioConfig
-from .answers import AnswerLog, checked_answers
+from .answers import AnswerLog, checked_answers, event_time
 from .folder import StudyFolder, external_ids
 from .plan import Step
 from .progress import Progress
@@ -396,4 +396,4 @@ class Participant(Progress):
         return round((self._now() - self._since).total_seconds(), 1)
 
     def _time(self) -> str:
-        return f"{self._now():%Y-%m-%dT%H:%M:%SZ}"
+        return event_time(self._now())

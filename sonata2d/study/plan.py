@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -104,11 +105,12 @@ def run_order(config: StudyConfig, index: int, row: int | None = None) -> list[t
         index: number of the participant, from 0.
         row: of the Latin square, or number of the only block; None: that of the index.
     """
-    row, blocks = index if row is None else row, range(len(config.runs))
-    if config.order == "between" and config.runs:
-        blocks = [row % len(config.runs)]  # type: ignore[assignment]
-    if config.order == "latin-square" and config.runs:
-        blocks = latin_square_row(len(config.runs), row)  # type: ignore[assignment]
+    row, count = index if row is None else row, len(config.runs)
+    blocks: Sequence[int] = range(count)
+    if count and config.order == "between":
+        blocks = [row % count]
+    elif count and config.order == "latin-square":
+        blocks = latin_square_row(count, row)
     runs = [(block, scene) for block in blocks for scene in range(config.runs[block].runs)]
     if config.order == "shuffled":
         runs.sort(key=lambda run: order_key(config.seed, "runs", index, *run))

@@ -10,7 +10,7 @@ from ..errors import RecordError
 from .answers import read_answers
 from .folder import StudyFolder
 from .load import Study
-from .plan import SCREENED_OUT, Step, steps_of
+from .plan import SCREENED_OUT, Step, condition_of, steps_of
 
 
 class Progress:
@@ -27,6 +27,7 @@ class Progress:
         study: the study.
         index: number of the participant.
         steps: all steps, in their order.
+        condition: as of `condition_of`.
         language: of the participant.
         has_chosen_language: whether the language was chosen, rather than the first one of the study.
         has_declined: whether the participant did not consent.
@@ -46,6 +47,7 @@ class Progress:
     ) -> None:
         self.study, self.index = study, index
         self.steps = steps_of(study.config, index, row)
+        self.condition = condition_of(study.config, index, row)
         self.external: dict[str, str] = {}
         self.language, self.has_chosen_language = study.config.languages[0], False
         self.has_declined, self.has_finished, self.last_event = False, False, ""

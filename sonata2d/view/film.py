@@ -282,21 +282,46 @@ def _is_distinct(colour: Sequence[int], other: Sequence[int]) -> bool:
 
 def _write_mp4(path: Path, shown: Iterator[pygame.Surface], fps: float) -> None:
     """Write H.264 in the colour format that all players support, which requires sides of even length."""
-    ffmpeg = _import("imageio_ffmpeg")
     first = next(shown)
+
+    def pixels() -> Iterator[memoryview]:
+        for drawn in chain([first], shown):
+            with _pixels(drawn) as each:
+                yield each
+
+    params = "-vf crop=trunc(iw/2)*2:trunc(ih/2)*2:0:0 -crf 17 -preset veryfast"
+    encode_mp4(path, pixels(), first.get_size(), fps, "bgr0", params)
+
+
+def encode_mp4(
+    path: Path, pictures: Iterable[Any], size: tuple[int, int], fps: float, pixel_format: str, params: str
+) -> None:
+    """Write H.264, and check that all pictures are in the file.
+
+    Args:
+        path: of the file.
+        pictures: bytes of each picture.
+        size: width and height, px.
+        fps: pictures per second.
+        pixel_format: of the bytes, as ffmpeg names it, such as `rgb24`.
+        params: for ffmpeg, such as `-crf 17`.
+
+    Raises:
+        OSError: the file cannot be written, or lacks pictures.
+        RenderError: imageio-ffmpeg is not installed.
+    """
+    ffmpeg = _import("imageio_ffmpeg")
     path.open("wb").close()  # raises an OSError here if the file cannot be written; ffmpeg's error is less clear
-    params = "-vf crop=trunc(iw/2)*2:trunc(ih/2)*2:0:0 -crf 17 -preset veryfast -movflags +faststart"
     writer = ffmpeg.write_frames(
-        str(path), first.get_size(), fps=fps, codec="libx264", quality=None, macro_block_size=1, pix_fmt_in="bgr0",
-        output_params=params.split(), ffmpeg_log_level="quiet",
+        str(path), size, fps=fps, codec="libx264", quality=None, macro_block_size=1, pix_fmt_in=pixel_format,
+        output_params=[*params.split(), "-movflags", "+faststart"], ffmpeg_log_level="quiet",
     )  # fmt: skip
     writer.send(None)
     count = 0  # of pictures
     try:
-        for drawn in chain([first], shown):
+        for picture in pictures:
             count += 1
-            with _pixels(drawn) as pixels:
-                writer.send(pixels)
+            writer.send(picture)
     except OSError as error:  # its text has many lines
         _require_space(path)
         raise OSError(f"ffmpeg ended after {count} pictures") from error

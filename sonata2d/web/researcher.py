@@ -106,7 +106,7 @@ class Researcher:
         return {
             "id": id,
             "token": token,
-            "condition": condition_of(self._folder.study.config, index, self._folder.rows.get(id)),
+            "condition": progress.condition,
             "kind": "declined" if progress.has_declined else progress.step.kind,
             "step": progress.step.id,
             "progress": progress.progress,

@@ -75,7 +75,12 @@ def write_npz(path: Path, arrays: Mapping[str, Any]) -> None:
     """
     with whole_file(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, array in arrays.items():
-            data = io.BytesIO()
-            np.save(data, array, allow_pickle=False)
             # A ZipInfo made from a name alone has a fixed date, so the bytes do not depend on the time.
-            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), data.getvalue(), zipfile.ZIP_DEFLATED)
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), npy_bytes(array), zipfile.ZIP_DEFLATED)
+
+
+def npy_bytes(array: Any) -> bytes:
+    """An array of numbers or text as the content of a `.npy` file."""
+    data = io.BytesIO()
+    np.save(data, array, allow_pickle=False)
+    return data.getvalue()
