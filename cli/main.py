@@ -52,6 +52,7 @@ _SECTIONS = {
     "Set up": {
         "scenarios": ("scenarios", "List, show and draw scenarios; make them from tracks."),
         "controllers": ("controllers", "List the available controllers."),
+        "page": ("page", "Write the simulator as a web page that needs no server."),
         "doctor": ("doctor", "Check that the installation works."),
     },
 }

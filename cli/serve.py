@@ -24,6 +24,9 @@ from .output import echo, progress, show_links
 @click.option("--participants", type=click.IntRange(0), default=0, help="Number of links that are made at the start.")
 @click.option("--takeover", type=click.Choice(["newest", "first"]), default="newest", help="Tab of a link that drives.")
 @click.option("--connections", type=click.IntRange(1), default=200, help="Largest number of open pages.")
+@click.option(
+    "--page", type=PATH, help="Folder of `sonata2d page`: pages simulate too, and show no delay of the connection."
+)
 @compress_option
 @json_option
 def command(study: Path, out: Path, **settings: Any) -> None:

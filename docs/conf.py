@@ -21,6 +21,7 @@ if "GITHUB_REPOSITORY" in os.environ:  # where the publishing workflow runs
 else:
     REPOSITORY = ""
 
+PAGE = os.environ.get("SONATA2D_DOCS_PAGE", "")  # folder whose folder `drive` is a page of `sonata2d page`
 VERSIONS = os.environ.get("SONATA2D_DOCS_VERSIONS", "")  # address of the list of published versions
 SHOWN = os.environ.get("SONATA2D_DOCS_VERSION", __version__).removeprefix("v")
 
@@ -42,7 +43,13 @@ templates_path = ["_templates"]
 
 # Markdown, and notebooks with the results that are stored in them
 myst_heading_anchors = 4
-myst_enable_extensions = ["dollarmath"]
+myst_enable_extensions = ["dollarmath", "substitution"]
+myst_substitutions = {
+    "drive_it": '<a class="drive-it" href="drive/index.html">Drive it in this browser</a>, without an installation: '
+    "a robot among pedestrians, by keys or by code of your own."
+    if PAGE
+    else ""
+}
 html_math_renderer = "mathml"
 nb_execution_mode = "off"
 
@@ -64,6 +71,7 @@ html_theme = "pydata_sphinx_theme"
 html_title = f"sonata2d {version}"
 html_sidebars = {"index": [], "first-steps": [], "troubleshooting": []}  # they have no pages below them
 html_static_path = ["_static"]
+html_extra_path = [str(Path(PAGE).resolve())] if PAGE else []
 html_css_files = ["site.css"]
 html_favicon = "_static/favicon.svg"
 html_show_sourcelink = False

@@ -139,6 +139,23 @@ class Session:
         return self._controller.mappings
 
     @property
+    def beginning(self) -> dict[str, Any]:
+        """Settings, seed and number of the scene, and the controller, from which others can simulate the same run."""
+        scene = self.scene
+        header = {"settings": scene.settings, "seed": scene.seed, "episode": scene.episode}
+        return header | {"controller": self._controller.settings()}
+
+    @property
+    def past_events(self) -> list[tuple[DeviceEvent, ...]]:
+        """Device events of each tick of the present run."""
+        return [tick.events for tick in self._episode.past]
+
+    @property
+    def waiting_events(self) -> tuple[DeviceEvent, ...]:
+        """Device events that the next tick gets before those of its client: released controls, and a label."""
+        return self._first_events
+
+    @property
     def label_spec(self) -> LabelSpec:
         """Label that the present run asks for."""
         return self._run_config.label

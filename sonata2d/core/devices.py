@@ -13,6 +13,7 @@ from .geometry import quantised
 View = Literal["follow", "top"]
 
 NETWORK_DEVICE = "network"  # device name of events that tell how late a person who drives in a browser sees the world
+PREDICTED = "predicted"  # its control: 1 while a page shows ticks that it simulates itself, before the server does
 ROUND_TRIP = "round_trip"  # its control: time from the request of a tick to its answer, s; 1 for a second or more
 
 

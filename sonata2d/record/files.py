@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zstandard
 
 from ..core.files.limits import MAX_FILE_BYTES, MAX_UNPACKED_RATIO, MAX_UNPACKED_WITHOUT_RATIO
 from ..core.files.locations import explained, is_remote, put_content
@@ -106,6 +105,8 @@ def compressed(parts: Iterable[bytes], size: int, path: Path) -> Iterator[bytes]
         yield from parts
         return
     if suffix == ".json.zst":
+        import zstandard  # only where it is used: a page in a browser loads no more than it needs
+
         stream: Any = zstandard.ZstdCompressor(level=3, write_checksum=True).compressobj(size=size)
     else:
         stream = zlib.compressobj(6, wbits=31)  # as gzip, without a time
@@ -199,6 +200,8 @@ def unpacked(data: bytes, path: Path, *, max_bytes: int = MAX_FILE_BYTES) -> byt
     unpack = next((unpack for magic, unpack in _UNPACK.items() if data.startswith(magic)), None)
     if unpack is None:
         return data
+    import zstandard
+
     limit = min(max_bytes, max(MAX_UNPACKED_WITHOUT_RATIO, MAX_UNPACKED_RATIO * len(data)))
     with explained(path, "read", zlib.error, zstandard.ZstdError):
         content = unpack(data, limit)
@@ -268,6 +271,8 @@ def _decompress_zstd(data: bytes, limit: int) -> bytes:
     Raises:
         EOFError: the last frame is incomplete.
     """
+    import zstandard
+
     content, position = bytearray(), 0
     decompressor = zstandard.ZstdDecompressor(max_window_size=2**27)
     while position < len(data):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, SupportsIndex, overload
 
 import numpy as np
 
-from ..core.devices import NETWORK_DEVICE, ROUND_TRIP, DeviceEvent
+from ..core.devices import NETWORK_DEVICE, PREDICTED, ROUND_TRIP, DeviceEvent
 from ..core.drawable import Drawable
 from ..core.entities import OtherRobot
 from ..core.geometry import Twist
@@ -265,10 +265,22 @@ class EpisodeRecord(Drawable):
 
         The time from the request of a tick to its answer, as last measured; 1 stands for a second or more.
         """
+        return self._network(ROUND_TRIP)
+
+    @cached_property
+    def predicted(self) -> BoolArray:
+        """(T,): whether the browser of the person who drove showed ticks that it simulated itself, at each frame.
+
+        The person then saw the robot react at once, whatever the round-trip time to the server.
+        """
+        return np.asarray(self._network(PREDICTED) == 1.0)
+
+    def _network(self, control: str) -> Array:
+        """(T,), the last value of a control of the network at each frame; NaN before the first."""
         value, values = np.nan, []
         for frame in self.document["frames"]:
             for event in frame.get("events") or ():
-                if event["device"] == NETWORK_DEVICE and event["control"] == ROUND_TRIP:
+                if event["device"] == NETWORK_DEVICE and event["control"] == control:
                     value = float(event["value"])
             values.append(value)
         return np.array(values)

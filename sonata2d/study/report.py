@@ -184,6 +184,7 @@ def _run_rows(out: Path, events: dict[str, list[Row]]) -> list[Row]:
                 "dropped_ticks": dropped.get(name),
                 "round_trip_median": None if median is None else round(median, 4),
                 "round_trip_95": None if percentile is None else round(percentile, 4),
+                "predicted": round(float(np.mean(record.predicted)), 3),
                 "label": record.label if isinstance(record.label, str | int | float | None) else str(record.label),
             }
             rows.append(row)

@@ -23,6 +23,7 @@ from .palette import Colour
 
 FAMILY = "Noto Sans"
 EM = 0.7  # px of the em square for a text of size 1, so that a line of text is about as high as its size
+_MEAN_WIDTH = 0.6  # of a character, as a multiple of the size of the text
 _MAX_LENGTH = 4000  # characters of a line; the rest is cut off
 
 
@@ -137,7 +138,9 @@ def rendered(text: str, size: int, colour: Colour) -> pygame.Surface:
 
 @lru_cache(maxsize=4096)
 def width_of(text: str, size: int) -> int:
-    """Width of a line of text, px."""
+    """Width of a line of text, px; where there is no pygame, as in a page (`web.in_page`), about this width."""
+    if not hasattr(pygame, "font"):
+        return round(_MEAN_WIDTH * size * len(text))
     return sum(_font(size, face, rtl).size(part)[0] for face, rtl, part in _runs(printable(text)))
 
 

@@ -71,14 +71,18 @@ class SvgCanvas:
         self._add("rect", **{key: _number(value) for key, value in place.items()}, fill=hex_colour(colour), **line)
 
     def text(self, colour: Colour, words: str, place: Point, size: int, anchor: str = "center") -> pygame.Rect:
+        style = {"fill": hex_colour(colour), "font-size": _number(size * EM), **_FONT}
+        if not hasattr(pygame, "font"):  # in a page (`web.in_page`), whose browser measures the text itself
+            spot = {"x": _number(place[0]), "y": _number(place[1]), "text-anchor": "middle"}
+            self._add("text", **spot, **style, **{"dominant-baseline": "central"}).text = printable(words)
+            return None  # type: ignore[return-value]  # nobody asks there how much room a text takes
         box = pygame.Rect(0, 0, width_of(words, size), font(size).get_height())
         setattr(box, anchor, (round(place[0]), round(place[1])))
         if box.width:
             spot = {"x": str(box.left), "y": str(box.top + font(size).get_ascent()), "textLength": str(box.width)}
             spot["lengthAdjust"] = "spacingAndGlyphs"  # of another font; letter spacing stays even
             spot[_SPACE] = "preserve"  # several spaces in a row
-            element = self._add("text", **spot, fill=hex_colour(colour), **{"font-size": _number(size * EM)}, **_FONT)
-            element.text = printable(words)
+            self._add("text", **spot, **style).text = printable(words)
         return box
 
     @contextmanager

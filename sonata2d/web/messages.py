@@ -113,6 +113,7 @@ class Tick(Message):
         events: device events since the last tick.
         round_trip: the latest time from the request of a tick to its answer, s; None before the first answer.
         dropped: number of ticks of real time that the page was too slow for since the last tick.
+        predicted: whether the page shows ticks that it simulates itself, before the server answers.
     """
 
     type: Literal["tick"]
@@ -121,6 +122,7 @@ class Tick(Message):
     events: Annotated[list[Event], Field(max_length=_MAX_EVENTS)] = []
     round_trip: Annotated[float, Field(ge=0.0, le=3600.0)] | None = None
     dropped: Annotated[int, Field(ge=0, le=1_000_000)] = 0
+    predicted: bool = False
 
 
 class RunAction(Message):

@@ -10,7 +10,7 @@ import time
 from collections.abc import Awaitable, Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..core.devices import NETWORK_DEVICE, ROUND_TRIP, DeviceEvent
+from ..core.devices import NETWORK_DEVICE, PREDICTED, ROUND_TRIP, DeviceEvent
 from ..core.geometry import quantised
 from ..core.wording import one_line
 from ..errors import Sonata2dError
@@ -45,6 +45,7 @@ class ParticipantSession:
         participant: the participant.
         is_paused: returns whether the researcher has paused all runs.
         is_preview: whether steps can be skipped.
+        predicts: whether the page can simulate runs itself, see `page_folder`.
         clock: s.
         sleep: waits a number of s.
 
@@ -59,10 +60,12 @@ class ParticipantSession:
         *,
         is_paused: Callable[[], bool] = lambda: False,
         is_preview: bool = False,
+        predicts: bool = False,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
     ) -> None:
         self.participant, self._is_paused, self._is_preview = participant, is_paused, is_preview
+        self._predicts = predicts
         self._clock, self._sleep = clock, sleep
         # Random first numbers: a page that was open before a restart of the server must not mistake a run for its own.
         self._run = self.shown = secrets.randbelow(_FIRST_NUMBERS)
@@ -70,6 +73,7 @@ class ParticipantSession:
         self._counted: tuple[Session | None, int] = (None, 0)  # session and run that `_run` is the number of
         self.round_trip: float | None = None
         self._recorded_trip: float | None = None
+        self._is_predicted = False  # as recorded last in the present run
         self._shown_record: Any = participant.record
         self._shown_at = clock()
         self._allowance, self._filled = float(_BURST), clock()
@@ -83,6 +87,7 @@ class ParticipantSession:
         with self._counting:  # the thread of the researcher's page reads it too
             if present != self._counted:
                 self._counted, self._run, self._recorded_trip = present, self._run + 1, None
+                self._is_predicted = False
             return self._run
 
     @property
@@ -113,7 +118,8 @@ class ParticipantSession:
         except Sonata2dError as error:  # it may name paths of the server, which are for the researcher only
             problem, kind = "the server cannot do this at present", m.FAILED
             logger.error("%s: %s", self.participant.id, one_line(error, 300))
-        return await asyncio.to_thread(self.view, problem, kind)
+        # The page is new, or was away for some ticks: what it has simulated may not be what happened.
+        return await asyncio.to_thread(self.view, problem, kind, with_past=isinstance(message, m.Hello))
 
     async def leave(self) -> None:
         """Pause the run, because the page was closed."""
@@ -122,12 +128,13 @@ class ParticipantSession:
 
     # The view
 
-    def view(self, problem: str = "", kind: str = "") -> Json:
+    def view(self, problem: str = "", kind: str = "", *, with_past: bool = False) -> Json:
         """The complete content of the page. A run that is being driven is paused, because the page forgets its keys.
 
         Args:
             problem: why the last message had no effect; empty if it had.
             kind: of the problem.
+            with_past: whether a page that simulates runs itself gets the ticks that the present run has.
         """
         participant = self.participant
         if participant.session is not None:
@@ -147,6 +154,8 @@ class ParticipantSession:
         # The page shows `drive` or `rating` in place of the step, if there is one.
         if participant.is_driving and participant.session is not None:
             view["drive"] = self._drive(participant.session)
+            if self._predicts:
+                view["drive"]["follow"] = self._follow(participant.session, with_past=with_past)
         # The run to rate is missing after the last one, and where no recorded run can be read.
         if participant.step.kind == "ratings" and participant.record is not None and participant.rating is not None:
             view["rating"] = self._rating(participant.record, participant.rating)
@@ -173,6 +182,14 @@ class ParticipantSession:
             "context": session.config.context,
             "isRestarted": bool(session.notice) and session.number_of_runs == 1 and not session.ticks,
             "legend": self._legend(session.after),
+        }
+
+    def _follow(self, session: Session, *, with_past: bool) -> Json:
+        """The run as a page gets it that simulates the run itself."""
+        return {
+            "beginning": session.beginning | {"run": self.run},
+            "past": [list(map(_row, events)) for events in session.past_events] if with_past else None,
+            "first": list(map(_row, session.waiting_events)),
         }
 
     def _rating(self, record: EpisodeRecord, rating: RatingSession) -> Json:
@@ -219,7 +236,7 @@ class ParticipantSession:
             return self._tick_answer(session, tick)
         # Messages before this one are lost: the page gets the present state, and goes on from there.
         if tick.number > session.ticks:
-            return await asyncio.to_thread(self.view)
+            return await asyncio.to_thread(self.view, with_past=True)
         await self._wait_for_turn(session.after.dt)
         events = [event.event() for event in tick.events]
         if tick.round_trip is not None:
@@ -228,6 +245,9 @@ class ParticipantSession:
             if self._recorded_trip is None or abs(value - self._recorded_trip) >= _SMALLEST_CHANGE:
                 events.append(DeviceEvent(NETWORK_DEVICE, ROUND_TRIP, value))
                 self._recorded_trip = value
+        if tick.predicted != self._is_predicted:
+            events.append(DeviceEvent(NETWORK_DEVICE, PREDICTED, float(tick.predicted)))
+            self._is_predicted = tick.predicted
         last = {(event.device, event.control): event for event in events}  # one event per control and tick
         session.dropped_ticks += tick.dropped
         session.tick(tuple(last.values()))
@@ -329,6 +349,10 @@ def preferred(known: Sequence[str], wanted: Iterable[str]) -> str:
     by_language = {language.lower().partition("-")[0]: language for language in reversed(known)}
     matches = (by_language.get(language.strip().lower().partition("-")[0]) for language in wanted)
     return next(filter(None, matches), known[0])
+
+
+def _row(event: DeviceEvent) -> list[str | float]:
+    return [event.device, event.control, event.value]
 
 
 def driven_state(session: Session) -> Json:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import gzip
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
 from functools import cache, partial
+from hashlib import sha256
 from importlib.resources import files
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -33,6 +35,7 @@ from ..study.links import Links
 from ..study.participant import Participant
 from ..study.texts import Json, in_language
 from .messages import FAILED, REFUSED, Message, parse_message
+from .page_folder import read_page
 from .participant_session import ParticipantSession, preferred
 from .researcher import Researcher
 from .settings import ServerSettings
@@ -58,10 +61,14 @@ _PICTURES = {
     ".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".gif": "image/gif", ".webp": "image/webp",
     ".svg": "image/svg+xml",
 }  # fmt: skip
+_SIMULATOR = {"js": "text/javascript", "mjs": "text/javascript", "wasm": "application/wasm", "json": "application/json"}
+# Python in the browser compiles WebAssembly and JavaScript; it gets nothing but files of this server.
+_SIMULATOR_POLICY = "default-src 'none'; script-src 'self' 'unsafe-eval'; connect-src 'self'"
 _PICTURE_POLICY = "default-src 'none'; style-src 'unsafe-inline'; sandbox"  # an SVG can have scripts
 _HEADERS = {
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
+        "worker-src 'self'; "
         "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
     ),
     "Referrer-Policy": "same-origin",
@@ -95,10 +102,14 @@ class StudyServer:
         connected = self._pages.keys()
         self._researcher = Researcher(folder, links, self.sessions, connected, self.new_participant)
         self._has_warned = False
+        self._simulator = read_page(settings.page) if settings.page else {}
+        # A page keeps these files for a year: the address changes with them.
+        self._simulator_place = f"/simulator/{_digest(self._simulator)}/" if self._simulator else None
         routes = [
             Route("/", self._front),
             Route("/static/{name}", self._static),
             Route("/pictures/{name}", self._picture),
+            Route("/simulator/{digest}/{name:path}", self._simulator_file),
             Route("/s/{token}", self._study_page),
             Route("/j/{token}", self._join, methods=["GET", "POST"]),
             WebSocketRoute("/s/{token}/socket", self._socket),
@@ -136,12 +147,26 @@ class StudyServer:
         headers = {"Cache-Control": "max-age=86400", "Content-Security-Policy": _PICTURE_POLICY}
         return FileResponse(path, media_type=_PICTURES[path.suffix], headers=headers)
 
+    async def _simulator_file(self, request: Request) -> Response:
+        """A file of the simulator that runs in the page."""
+        name = str(request.path_params["name"])
+        if request.url.path != f"{self._simulator_place}{name}" or name not in self._simulator:
+            return self._not_found(request)
+        media_type = _SIMULATOR.get(name.rpartition(".")[2], "application/octet-stream")
+        headers = {"Cache-Control": "public, max-age=31536000, immutable", "Content-Security-Policy": _SIMULATOR_POLICY}
+        content = self._simulator[name]
+        if "gzip" in request.headers.get("accept-encoding", "") and not name.endswith((".whl", ".zip")):
+            content = await run_in_threadpool(_compressed, content)
+            headers["Content-Encoding"] = "gzip"
+        return Response(content, media_type=media_type, headers=headers)
+
     async def _study_page(self, request: Request) -> Response:
         if self.links.participant_of(str(request.path_params["token"])) is None:
             return self._not_found(request)
         config = self.folder.study.config
         requires = config.requires.model_dump(exclude_defaults=True)
-        data = {"words": self._words, "languages": config.languages, "title": config.title, "requires": requires}
+        data: Json = {"words": self._words, "languages": config.languages, "title": config.title, "requires": requires}
+        data["simulator"] = self._simulator_place
         return _page("study.html", language=config.languages[0], title="sonata2d", script="page.js", data=data)
 
     async def _join(self, request: Request) -> Response:
@@ -308,6 +333,7 @@ class StudyServer:
                 await run_in_threadpool(open_participant),
                 is_paused=lambda: self._researcher.is_paused,
                 is_preview=self._settings.is_preview,
+                predicts=bool(self._simulator),
             )
         return self.sessions[id]
 
@@ -472,6 +498,18 @@ async def _received(socket: WebSocket) -> str | bytes:
 
 def _page(name: str, status: int = 200, **values: Any) -> Response:
     return HTMLResponse(_templates().get_template(name).render(**values), status, headers=_NO_STORE)
+
+
+def _digest(content: Mapping[str, bytes]) -> str:
+    digest = sha256()
+    for name in sorted(content):
+        digest.update(name.encode() + b"\0" + sha256(content[name]).digest())
+    return digest.hexdigest()[:16]
+
+
+@cache
+def _compressed(content: bytes) -> bytes:
+    return gzip.compress(content, 6, mtime=0)
 
 
 @cache

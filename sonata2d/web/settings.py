@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 # Connections without a complete request, and closed web sockets that the other side keeps open; with one more, the
@@ -26,6 +27,8 @@ class ServerSettings:
         connections: largest number of open pages of participants.
         suffix: of episode files.
         is_preview: whether steps can be skipped.
+        page: folder that `page_folder.write_page` has written: pages then simulate each run as well, and show a tick
+            before the server's answer arrives; None: they show what the server sends.
     """
 
     host: str = "127.0.0.1"
@@ -37,3 +40,4 @@ class ServerSettings:
     connections: int = 200
     suffix: str = ".json"
     is_preview: bool = False
+    page: Path | None = None

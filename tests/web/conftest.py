@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import functools
+import hashlib
+import json
 import os
 import shutil
 import threading
 import time
 from collections.abc import Coroutine, Iterator
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +22,8 @@ import sonata2d as s2
 from sonata2d.study.folder import STUDY, StudyFolder
 from sonata2d.study.links import Links
 from sonata2d.study.load import load_study
+from sonata2d.web.in_page import PageSimulator
+from sonata2d.web.page_folder import write_page
 from sonata2d.web.serve import server_config
 from sonata2d.web.server import StudyServer
 from sonata2d.web.settings import ServerSettings
@@ -142,3 +149,87 @@ def browser() -> Iterator[Any]:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=sandbox)
         yield browser
         browser.close()
+
+
+WHEEL_TAG = "cp314-cp314-pyemscripten_2026_0_wasm32"
+# Instead of Pyodide, the worker asks the Python of the test, which `answering` connects.
+_WORKER = """
+let last = Promise.resolve();
+onmessage = event => { last = last.then(async () => {
+  const answer = await fetch("./answer", {method: "POST", body: event.data});
+  postMessage(await answer.text());
+}); };
+postMessage(JSON.stringify({type: "ready"}));
+"""
+
+
+def wheel_of(name: str) -> bytes:
+    return f"the wheel of {name}".encode()
+
+
+@pytest.fixture
+def distribution(tmp_path: Path) -> Path:
+    """A distribution of Pyodide whose files have no content, and a package index, both as folders."""
+    folder, index = tmp_path / "pyodide", tmp_path / "simple" / "pymunk"
+    folder.mkdir()
+    index.mkdir(parents=True)
+    for name in ("pyodide.mjs", "pyodide.asm.mjs", "pyodide.asm.wasm", "python_stdlib.zip"):
+        (folder / name).write_text(name)
+    needs = {"pydantic": ["pydantic_core", "typing-extensions"], "cffi": ["pycparser"]}
+    packages = {}
+    for name in ("numpy", "cffi", "orjson", "pyyaml", "pydantic", "pydantic-core", "lazy-loader", "cloudpickle",
+                 "annotated-types", "typing-extensions", "pycparser", "scipy"):  # fmt: skip
+        file = f"{name.replace('-', '_')}-1.0-{WHEEL_TAG}.whl"
+        (folder / file).write_bytes(wheel_of(name))
+        packages[name] = {"name": name, "version": "1.0", "file_name": file, "depends": needs.get(name, []),
+                          "sha256": hashlib.sha256(wheel_of(name)).hexdigest(), "install_dir": "site"}  # fmt: skip
+    info = {"abi_version": "2026_0", "arch": "wasm32", "platform": "emscripten_5_0_3", "python": "3.14.2"}
+    (folder / "pyodide-lock.json").write_text(json.dumps({"info": info, "packages": packages}))
+    list_engine(tmp_path, version("pymunk"))
+    return folder
+
+
+def list_engine(root: Path, number: str) -> None:
+    """List a wheel of the physics engine on the index."""
+    file = f"pymunk-{number}-{WHEEL_TAG}.whl"
+    (root / file).write_bytes(wheel_of("pymunk"))
+    row = {
+        "filename": file,
+        "url": f"../../{file}",
+        "hashes": {"sha256": hashlib.sha256(wheel_of("pymunk")).hexdigest()},
+    }
+    other = row | {"filename": f"pymunk-{number}-cp314-cp314-win_amd64.whl", "url": "missing"}
+    (root / "simple" / "pymunk" / "index.html").write_text(json.dumps({"files": [other, row]}))
+
+
+class _Files(SimpleHTTPRequestHandler):
+    def log_message(self, *args: Any) -> None: ...
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[str]:
+    """The address at which the temporary folder is served."""
+    server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(_Files, directory=str(tmp_path)))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}/"
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.fixture
+def page(tmp_path: Path, distribution: Path, site: str) -> Path:
+    """A folder of the page, whose worker asks this Python."""
+    out = tmp_path / "page"
+    write_page(out, str(distribution), index=f"{site}simple/")
+    (out / "worker.js").write_text(_WORKER)
+    return out
+
+
+def answering(context: Any, folder: Path, change: Any = lambda answer: answer) -> None:
+    """Let the workers of a browser ask a simulator of this Python; `change` gets each answer."""
+    simulator = PageSimulator(folder)
+
+    def answer(route: Any) -> None:
+        route.fulfill(body=json.dumps(change(json.loads(simulator.answer(route.request.post_data)))))
+
+    context.route("**/answer", answer)

@@ -113,8 +113,8 @@ class Simulation:
             Violation: it is wrong.
         """
 
-        async def at_once(function: Callable[..., Any], *arguments: Any) -> Any:
-            return function(*arguments)
+        async def at_once(function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+            return function(*arguments, **options)
 
         with mock.patch("sonata2d.web.participant_session.asyncio.to_thread", at_once):
             self.disk.__enter__()

@@ -21,7 +21,8 @@ from ...core.compiled.scalar import half_line
 
 # Items of `Engine.handle`, addresses: of C functions, of the space, and of the requests for reading and writing.
 _STEP, _EACH_BODY, _GET, _SET, _SET_ENDS, _SET_OFFSET, _REINDEX, _SPACE, _READ, _WRITE, _PLACE = range(11)
-_READ_COUNT, _WRITE_COUNT, _PLACE_COUNT = 0, 4, 8  # items of `Engine.counts`: the fields `num` of the buffers
+# Items of `Engine.counts`: the fields `num` of the buffers, whose headers are shorter where addresses have 32 bits.
+_READ_COUNT, _WRITE_COUNT, _PLACE_COUNT = (k * ffi.sizeof("pmFloatArray") // 4 for k in range(3))
 
 
 # The C functions; their addresses are the first items of `Engine.handle`.

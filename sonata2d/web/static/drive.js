@@ -9,9 +9,10 @@ const ZOOM_STEP = 1.25, MIN_ZOOM = .4, MAX_ZOOM = 3;
 const OUTSIDE = "#e2e5e9";
 
 export class Drive {
-  /** `send` sends a message; `changed` is called when the status changes; `act` is called with actions of the page. */
-  constructor(canvas, {send, changed, act, isBlocked, goalText}) {
-    this.canvas = canvas; this.pen = canvas.getContext("2d"); this.send = send; this.changed = changed; this.isBlocked = isBlocked; this.goalText = goalText;
+  /** `send` sends a message; `changed` is called when the status changes; `act` is called with actions of the page;
+      `simulate`, if given, sends a message to a simulator in the page, whose answers go to `foreseen`. */
+  constructor(canvas, {send, changed, act, isBlocked, goalText, simulate = null}) {
+    this.canvas = canvas; this.pen = canvas.getContext("2d"); this.send = send; this.changed = changed; this.isBlocked = isBlocked; this.goalText = goalText; this.simulate = simulate;
     this.input = new Input(canvas, (action, value) => this.perform(action) || act(action, value));
     this.view = "follow"; this.zoom = 1; this.zones = false; this.changes = [];
     this.status = "none"; this.run = null; this.states = new Map(); this.last = null; this.isSlow = false;
@@ -29,7 +30,9 @@ export class Drive {
     this.data = drive.scene; this.changes = drive.changes;
     this.run = drive.run; this.states = new Map([[drive.ticks, drive.state]]);
     if (drive.ticks && drive.status === "driving") this.states.set(drive.ticks - 1, drive.before);
-    this.sent = this.latest = this.shown = drive.ticks;
+    this.sent = this.latest = this.confirmed = this.shown = drive.ticks;
+    this.own = new Map(); this.isPredicted = false; this.isDifferent = false;
+    if (this.simulate && drive.follow) this.simulate({type: "follow", ...drive.follow});
     this.sentAt = new Map(); this.lag = 0; this.dropped = 0; this.roundTrip = null; this.isSlow = false;
     this.input.buffer.forget();
     if (isNew) this.waitingLabel = null;
@@ -44,10 +47,35 @@ export class Drive {
     if (answer.run !== this.run) return;
     const sentAt = this.sentAt.get(answer.asked);
     if (sentAt !== undefined) { this.roundTrip = (performance.now() - sentAt) / 1000; this.sentAt.delete(answer.asked); }
-    this.latest = Math.max(this.latest, answer.ticks);
-    this.states.set(answer.ticks, answer.state);
-    this.states.delete(answer.ticks - 100);
+    this.confirmed = Math.max(this.confirmed, answer.ticks);
+    const own = this.own.get(answer.ticks);
+    this.own.delete(answer.ticks);
+    if (own && own !== JSON.stringify(answer.state)) this.differ();
+    this.add(answer);
     this.update(answer);
+  }
+
+  /** A tick that the page has simulated itself. The server's state of the same tick has to be the same. */
+  foreseen(answer) {
+    if (answer.run !== this.run || this.isDifferent || this.status !== "driving") return;
+    this.isPredicted = answer.ticks > this.confirmed;
+    if (!this.isPredicted) return;      // the server was faster
+    this.own.set(answer.ticks, JSON.stringify(answer.state));
+    this.add(answer);
+  }
+
+  add({ticks, state}) {
+    this.latest = Math.max(this.latest, ticks);
+    this.states.set(ticks, state);
+    this.states.delete(ticks - 100);
+  }
+
+  /** From now on, the run shows what the server simulates. */
+  differ() {
+    this.isDifferent = true; this.isPredicted = false;
+    for (const tick of this.own.keys()) this.states.delete(tick);
+    this.own.clear();
+    this.latest = this.confirmed; this.shown = Math.min(this.shown, this.latest);
   }
 
   update({status, outcome, frameLabel, isUnsaved, isStudyPaused}) {
@@ -113,7 +141,7 @@ export class Drive {
     if (this.isBlocked()) return;      // the awaited answer has the number of the next tick
     this.lag += seconds;
     for (let k = 0; k < MAX_TICKS && this.lag >= dt; k++) {
-      if (this.sent - this.latest >= MAX_UNANSWERED) { this.pause(true); return; }
+      if (this.sent - this.confirmed >= MAX_UNANSWERED) { this.pause(true); return; }
       this.lag -= dt;
       this.tick();
     }
@@ -123,8 +151,9 @@ export class Drive {
 
   tick() {
     const events = [...this.input.poll(), ...(this.waitingLabel ? [this.waitingLabel.event] : [])];
-    const isSent = this.send({type: "tick", run: this.run, number: this.sent, events, round_trip: this.roundTrip, dropped: this.dropped});
+    const isSent = this.send({type: "tick", run: this.run, number: this.sent, events, round_trip: this.roundTrip, dropped: this.dropped, predicted: this.isPredicted});
     if (!isSent) return;
+    if (this.simulate && this.data && !this.isDifferent) this.simulate({type: "tick", run: this.run, number: this.sent, events});
     this.waitingLabel = null;
     this.sentAt.set(this.sent, performance.now());
     this.sent++; this.dropped = 0; this.roundTrip = null;
@@ -171,7 +200,7 @@ export class Drive {
     pen.save();
     pen.font = "600 15px system-ui, sans-serif"; pen.textBaseline = "middle"; pen.lineJoin = "round"; pen.lineWidth = 4;
     const half = pen.measureText(label).width / 2 + 8;
-    const spot = [Math.min(Math.max(tip[0] - 36 * dx / length, half), width - half), Math.min(Math.max(tip[1] - 30 * dy / length, 14), height - 14)];
+    const spot = [Math.min(Math.max(tip[0] - (20 + half) * dx / length, half), width - half), Math.min(Math.max(tip[1] - 30 * dy / length, 14), height - 14)];
     pen.textAlign = "center"; pen.strokeStyle = "#fff"; pen.strokeText(label, ...spot); pen.fillStyle = this.data.colours.ink; pen.fillText(label, ...spot);
     pen.translate(...tip); pen.rotate(Math.atan2(dy, dx));
     pen.beginPath(); pen.moveTo(16, 0); pen.lineTo(-12, 13); pen.lineTo(-12, -13); pen.closePath();

@@ -4,6 +4,7 @@ import {Connection} from "./connection.js";
 import {Drive} from "./drive.js";
 import {byId, filled, make, socketAddress, translate} from "./elements.js";
 import {form, question} from "./questions.js";
+import {Simulator} from "./simulator.js";
 import {Watch} from "./watch.js";
 
 const PROTOCOL = 1;
@@ -54,7 +55,12 @@ function setBusy() {
   for (const button of document.querySelectorAll("button[data-sends]")) button.disabled = isWaiting || connection !== "open";
 }
 
-const drive = new Drive(byId("canvas"), {send, changed: () => showDriving(), act: (action, device) => perform(action, device), isBlocked: () => isWaiting,
+// With a simulator of its own, the page shows each tick before the server's answer arrives; without one, after it.
+const simulator = !data.simulator ? null : new Simulator(data.simulator, answer => {
+  if (answer.type === "tick") drive.foreseen(answer);
+  else if (answer.type === "error" || answer.type === "failed") console.warn(answer.text);      // the server's answers remain
+});
+const drive = new Drive(byId("canvas"), {send, simulate: simulator && (message => simulator.send(message)), changed: () => showDriving(), act: (action, device) => perform(action, device), isBlocked: () => isWaiting,
                                          goalText: distance => t("readings.goal", {distance: seconds(distance)})});
 const watch = new Watch(byId("film"), () => showWatching());
 drive.input.isActive = event => {
