@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -12,10 +13,11 @@ from typing import Any, Literal
 
 from ..agents.controllers.teleoperation import DEFAULT_MAPPINGS, STOP, DeviceMapping, Teleoperation
 from ..core.devices import NETWORK_DEVICE, DeviceEvent
-from ..core.geometry import Twist
+from ..core.geometry import Point, Twist
 from ..core.labels import LABEL_DEVICE, LabelSpec
 from ..core.navigation import FreeSpace
 from ..core.scene import Scene
+from ..core.snapshot import ControllerInfo, Frame, Outcome, Snapshot
 from ..errors import RecordError, SceneError, Sonata2dError
 from ..record.reader import read_episode
 from ..record.recorder import EpisodeRecorder
@@ -45,6 +47,27 @@ def warm_up(scene: Scene) -> None:
     episode = Episode(scene, Teleoperation(), observers=[EpisodeRecorder()])
     for _ in range(2):  # the second one has a past
         episode.step()
+
+
+class _Way:
+    """An observer that measures the way of the robot, m."""
+
+    def __init__(self) -> None:
+        self.length = 0.0
+        self._last: Point | None = None
+
+    def open(self, scene: Scene, controller_info: ControllerInfo) -> None: ...
+
+    def on_frame(self, frame: Frame) -> None:
+        self._go_to(frame.snapshot.robot.pose.position)
+
+    def close(self, last: Snapshot, outcome: Outcome) -> None:
+        self._go_to(last.robot.pose.position)
+
+    def _go_to(self, place: Point) -> None:
+        if self._last is not None:
+            self.length += math.dist(self._last, place)
+        self._last = place
 
 
 class Session:
@@ -149,6 +172,11 @@ class Session:
     def past_events(self) -> list[tuple[DeviceEvent, ...]]:
         """Device events of each tick of the present run."""
         return [tick.events for tick in self._episode.past]
+
+    @property
+    def path_length(self) -> float:
+        """Way of the robot in the present run so far, m."""
+        return self._way.length
 
     @property
     def waiting_events(self) -> tuple[DeviceEvent, ...]:
@@ -365,10 +393,11 @@ class Session:
         self.number_of_runs += 1
         self._first_events = ()
         self._recorder = EpisodeRecorder(contributor=self.contributor, context=config.context, label_spec=config.label)
+        self._way = _Way()
         self._episode = Episode(
             scene,
             controller,
-            observers=(self._recorder, self._journal),
+            observers=(self._recorder, self._journal, self._way),
             past=past,
             controller_info=controller_info_of(controller, "teleoperation"),
         ).replay_past()

@@ -15,6 +15,10 @@ _VERSION = 1  # of the events
 _TIME = "%Y-%m-%dT%H:%M:%SZ"  # of an event, UTC
 
 
+class WrongAnswerError(ValueError):
+    """The answer to a question that has to be answered until it is right was another one."""
+
+
 def checked_answers(entries: Iterable[Entry], values: Mapping[str, Any]) -> dict[str, Any]:
     """The answers to questions, as they are stored.
 

@@ -13,7 +13,7 @@ from ..core.bounds import Fraction
 from ..core.devices import View
 from ..scenegen.scenario.base import Settings, TupleOf
 from ..scenegen.scenario.problems import setting_error
-from .questions import AnyEntry, RatingQuestion, ScaleConfig
+from .questions import AnyEntry, Classes, Entry, RatingQuestion, ScaleConfig, YesNo
 from .texts import Name, Path, Text, Texts, Translations, TwoTranslations, require_distinct, texts_in
 
 _Questionnaire = Annotated[TupleOf[AnyEntry], Field(max_length=100)]
@@ -21,6 +21,7 @@ Order = Literal["fixed", "shuffled", "latin-square", "between"]
 Change = Literal["view", "zoom", "zones"]
 ExternalName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,39}$")]
 
+CHECK = "practice.check"  # key of the questions before the practice
 _MAX_RUNS = 500  # of one block
 _MAX_TEXT = 20_000  # characters of a page
 
@@ -78,6 +79,10 @@ class PracticeConfig(Settings):
         scenario: name of a preset, or path of a file relative to the study file.
         runs: number of runs.
         text: Markdown, read before the first run.
+        check: questions below the text, which can require the right answers with `until_right`.
+        must_reach_goal: whether each practice run has to reach the goal.
+        attempts: number of tries of a practice run after which the participant may go on without having reached the
+            goal.
     """
 
     translated: ClassVar[tuple[str, ...]] = ("text",)
@@ -85,6 +90,9 @@ class PracticeConfig(Settings):
     scenario: str
     runs: Annotated[int, Field(ge=1, le=_MAX_RUNS)] = 1
     text: Text | None = None
+    check: _Questionnaire = ()
+    must_reach_goal: bool = False
+    attempts: Annotated[int, Field(ge=1, le=100)] = 5
 
 
 class RunsConfig(Settings):
@@ -173,10 +181,27 @@ class RequiresConfig(Settings):
     Attributes:
         keyboard: whether phones and tablets are not enough.
         width: least width of the window, px.
+        round_trip: longest median time that a message takes to the server and back, s; measured before the first step.
     """
 
     keyboard: bool = False
     width: Annotated[int, Field(ge=200, le=5000)] | None = None
+    round_trip: Annotated[float, Field(gt=0.0, le=5.0)] | None = None
+
+
+class QuotaConfig(Settings):
+    """Places by the answer to a demographic question, such as 20 for women and 20 for men.
+
+    Who answers when all places of the answer are taken is told that the study is full. The rows of Latin squares, and
+    the blocks of the order `between`, are balanced among the participants with the same answer.
+
+    Attributes:
+        question: name of a question of `demographics`, of kind `yes_no` or `classes`.
+        places: largest number of participants by answer: for no and yes, or for each class, in their order.
+    """
+
+    question: Name
+    places: Annotated[TupleOf[NonNegativeInt], Field(min_length=2, max_length=20)]
 
 
 class StudyConfig(Settings):
@@ -201,7 +226,8 @@ class StudyConfig(Settings):
         end: questions at the end.
         thanks: the last page.
         minimum_length: shortest run that can be kept, s.
-        must_reach_goal: whether only runs that reach the goal can be kept; participants are told before.
+        minimum_distance: shortest way of the robot in a run that can be kept, m.
+        must_reach_goal: whether only runs that reach the goal can be kept. Participants are told these three before.
         view: camera of the runs at first, `follow` or `top`.
         changes: what participants may change: `view`, `zoom`, `zones` (drawing of personal space).
         discard: whether participants may discard a run; another scene replaces it.
@@ -210,6 +236,7 @@ class StudyConfig(Settings):
         seed: of the scenes, and of random orders.
         participants: largest number of participants, including participants with links of their own, up to which the
             open link admits people. People who decline or are screened out are not counted.
+        quota: places by the answer to a question about the participant.
         recruitment: how participants of a panel arrive and go back.
         requires: what the device of a participant needs.
     """
@@ -230,6 +257,7 @@ class StudyConfig(Settings):
     end: _Questionnaire = ()
     thanks: PageConfig | None = None
     minimum_length: NonNegativeFloat = 0.0
+    minimum_distance: NonNegativeFloat = 0.0
     must_reach_goal: bool = False
     view: View = "follow"
     changes: TupleOf[Change] = ()
@@ -238,6 +266,7 @@ class StudyConfig(Settings):
     undo: bool = True
     seed: NonNegativeInt = 0
     participants: Annotated[int, Field(ge=1, le=100_000)] = 1000
+    quota: QuotaConfig | None = None
     recruitment: RecruitmentConfig | None = None
     requires: RequiresConfig = RequiresConfig()
 
@@ -247,8 +276,9 @@ class StudyConfig(Settings):
             raise setting_error("a language is named twice", "languages")
         if not (self.runs or self.ratings):
             raise setting_error("a study has runs, ratings or both", "runs")
-        for section in ("demographics", "after_run", "end"):
-            require_distinct("questions", getattr(self, section), section)
+        for section, entries in self.questionnaires().items():
+            require_distinct("questions", entries, section)
+        self._check_quota()
         require_distinct("blocks of ratings", self.ratings, "ratings")
         for k, block in enumerate(self.runs):
             if self.order == "shuffled" and len(self.runs) > 1 and block.text is not None:
@@ -279,12 +309,32 @@ class StudyConfig(Settings):
             if len(words) > _MAX_TEXT:
                 raise setting_error(f"the text has {len(words)} characters, more than {_MAX_TEXT}", *path, language)
 
+    def questionnaires(self) -> dict[str, tuple[Entry, ...]]:
+        """The questions of each section, by its key."""
+        check = self.practice.check if self.practice is not None else ()
+        return {"demographics": self.demographics, CHECK: check, "after_run": self.after_run, "end": self.end}
+
+    def _check_quota(self) -> None:
+        """Require that the quota has places for each answer to its question."""
+        if (quota := self.quota) is None:
+            return
+        asked = next((entry for entry in self.demographics if entry.name == quota.question), None)
+        if not isinstance(asked, YesNo | Classes) or not asked.required:
+            reason = (
+                f"{quota.question!r} is no question of demographics of kind yes_no or classes that must be answered"
+            )
+            raise setting_error(reason, "quota", "question")
+        answers = 2 if isinstance(asked, YesNo) else len(asked.classes)
+        if len(quota.places) != answers:
+            reason = f"there are {len(quota.places)} numbers of places for {answers} answers"
+            raise setting_error(reason, "quota", "places")
+
     def _scales(self) -> Iterator[tuple[Path, ScaleConfig]]:
         """The published questionnaires, each with the keys that lead to it."""
-        for section in ("demographics", "after_run", "end"):
-            for k, entry in enumerate(getattr(self, section)):
+        for section, entries in self.questionnaires().items():
+            for k, entry in enumerate(entries):
                 if isinstance(entry, ScaleConfig):
-                    yield (section, k), entry
+                    yield (*section.split("."), k), entry
 
     def untranslated(self) -> list[str]:
         """Warnings about published questionnaires that are shown in English, because translations are missing."""

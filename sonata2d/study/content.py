@@ -8,7 +8,7 @@ from urllib.parse import quote
 from ..core.labels import LabelSpec
 from .config import LabelTexts
 from .markdown import html_of
-from .plan import PRACTICE_TEXT, order_key
+from .plan import PRACTICE_CHECK, PRACTICE_TEXT, order_key
 from .progress import Progress
 from .questions import Entry
 from .texts import Json, in_language
@@ -20,16 +20,19 @@ def step_content(participant: Progress) -> Json:
     content: Json = {"id": step.id, "kind": "declined" if participant.has_declined else step.kind}
     if step.title:
         content["title"] = in_language(step.title, language)
-    elif step.id == PRACTICE_TEXT:
+    elif step.id in (PRACTICE_TEXT, PRACTICE_CHECK):
         content["title"] = participant.study.tables[language]["web.practice"]
     if step.text:
         content["html"] = html_of(in_language(step.text, language), pictures)
     recruitment = participant.study.config.recruitment
     ways = {} if recruitment is None else {
-        "thanks": recruitment.complete, "declined": recruitment.declined, "screened": recruitment.screened_out
+        "thanks": recruitment.complete, "declined": recruitment.declined,
+        "screened": recruitment.full if participant.is_full else recruitment.screened_out,
     }  # fmt: skip
     if (target := ways.get(content["kind"])) is not None:
         content["leave"] = way_back(target, participant.external)
+    if participant.is_full:
+        content["isFull"] = True
     if step.kind == "consent":
         content["statements"] = [html_of(in_language(text, language), pictures) for text in step.statements]
     if step.kind == "questions":

@@ -33,6 +33,10 @@ STUDY, ANSWERS, PERSONAL, RATED, PICTURES = "study", "answers", "personal", "rat
 LOCK = "study.lock"
 RECRUITMENT = "recruitment"  # step of the ids of a panel among the personal answers
 _STATE = "study.json"
+_ABSENT = {
+    "must_reach_goal": False, "minimum_distance": 0.0, "check": [], "right": None, "screen_out": False,
+    "until_right": False, "score": False,
+}  # fmt: skip
 
 
 class StudyFolder:
@@ -47,6 +51,7 @@ class StudyFolder:
         participants: ids of the participants, in the order of their arrival.
         withdrawn: ids of the participants who have withdrawn, and whose data are deleted.
         rows: of the Latin square, by participant; of those without one, the row follows from the order of arrival.
+        strata: number of the answer to the question of the quota, from 0, by participant.
 
     Raises:
         ConfigError: the folder belongs to a study with other steps, scenes or questions.
@@ -58,12 +63,13 @@ class StudyFolder:
         self.participants: list[str] = []
         self.withdrawn: list[str] = []
         self.rows: dict[str, int] = {}
+        self.strata: dict[str, int] = {}
         self._versions: list[str] = []
         state = self.out / STUDY / _STATE
         structure = _structure_of(study)
         _make_folders(self.out)
         stored = _read_state(state) if state.exists() else None
-        if stored is not None and stored["structure"] != structure:
+        if stored is not None and _without_absent(stored["structure"]) != structure:
             if stored["participants"]:
                 people, change = len(stored["participants"]), _difference(stored["structure"], structure)
                 raise ConfigError(
@@ -75,7 +81,7 @@ class StudyFolder:
             stored = None
         if stored is not None:
             self.participants, self._versions = stored["participants"], stored["versions"]
-            self.withdrawn, self.rows = stored["withdrawn"], stored["rows"]
+            self.withdrawn, self.rows, self.strata = stored["withdrawn"], stored["rows"], stored["strata"]
         self._structure, self._adding = structure, threading.RLock()
         self._by_external: dict[str, str] = {}  # participant by the first id of a panel
         for id in self.present if study.config.recruitment is not None else ():
@@ -113,9 +119,8 @@ class StudyFolder:
             checked_rater(participant)
         with self._adding:  # the threads of a server take turns
             if participant not in self.participants:
-                if (count := rows_of(self.study.config)) > 1:
-                    used = Counter(self.rows.get(id, k) % count for id, k in self._places().items())
-                    self.rows[participant] = min(range(count), key=lambda row: (used[row], row))
+                if rows_of(self.study.config) > 1:
+                    self.rows[participant] = self._least_used(self._places())
                 self.participants.append(participant)
                 try:
                     self._write_state()
@@ -170,6 +175,43 @@ class StudyFolder:
                 AnswerLog(self.personal_of(id)).append(time=event_time(datetime.now(UTC)), **facts)
                 self._by_external[key] = id
             return id
+
+    def admit(self, participant: str, stratum: int) -> bool:
+        """Give a participant one of the places of the quota, and the least used row among those with the same answer.
+
+        Args:
+            participant: who has not driven yet.
+            stratum: number of the answer to the question of the quota, from 0.
+
+        Returns:
+            Whether there was a place.
+
+        Raises:
+            RecordError: the folder cannot be written.
+        """
+        quota = self.study.config.quota
+        assert quota is not None
+        with self._adding:
+            others = {id: k for id, k in self._places().items() if self.strata.get(id) == stratum and id != participant}
+            if len(others) >= quota.places[stratum]:
+                return False
+            former = dict(self.rows)
+            self.strata[participant] = stratum
+            if rows_of(self.study.config) > 1:
+                self.rows[participant] = self._least_used(others)
+            try:
+                self._write_state()
+            except RecordError:
+                self.rows = former
+                del self.strata[participant]
+                raise
+            return True
+
+    def _least_used(self, participants: Mapping[str, int]) -> int:
+        """The row that the fewest of some participants have; given their numbers."""
+        count = rows_of(self.study.config)
+        used = Counter(self.rows.get(id, k) % count for id, k in participants.items())
+        return min(range(count), key=lambda row: (used[row], row))
 
     def _places(self) -> dict[str, int]:
         """Participants who hold a place, with their numbers: not those who declined, were screened out or are away."""
@@ -249,6 +291,7 @@ class StudyFolder:
             "participants": self.participants,
             "withdrawn": self.withdrawn,
             "rows": self.rows,
+            "strata": self.strata,
         }
         write_state(self.out, {"structure": self._structure} | lists)
 
@@ -325,28 +368,34 @@ def _difference(a: Any, b: Any, keys: tuple[str, ...] = ()) -> str:
 def _structure_of(study: Study) -> dict[str, Any]:
     """The part of a study that must not change once there are participants: settings without texts, and scenarios."""
     config = with_texts(study.config, lambda text: "")
-    for key in ("texts", "participants", "recruitment", "requires"):
+    for key in ("texts", "participants", "quota", "recruitment", "requires"):
         del config[key]
-    if not config["must_reach_goal"]:  # so that studies that began before this setting go on
-        del config["must_reach_goal"]
     for block in config["runs"]:
         del block["label"]
-    for section in ("demographics", "after_run", "end"):
-        for entry in config[section]:
-            entry.pop("texts", None)
-    entries = [
-        *config["demographics"],
-        *config["after_run"],
-        *config["end"],
-        *(b["question"] for b in config["ratings"]),
-    ]
-    for entry in entries:  # likewise
-        if entry.get("right") is None:
-            entry.pop("right", None)
-            entry.pop("screen_out", None)
+    for entry in _entries(config):
+        entry.pop("texts", None)
     scenarios = [scenario.settings() for scenario in (*study.scenarios, *([study.practice] if study.practice else []))]
     structure: dict[str, Any] = orjson.loads(orjson.dumps({"config": config, "scenarios": scenarios}))
+    return _without_absent(structure)
+
+
+def _without_absent(structure: dict[str, Any]) -> dict[str, Any]:
+    """A structure without settings that do nothing, which studies from before these settings lack."""
+    config = structure["config"]
+    practice = config["practice"] or {}
+    for settings in (config, practice, *_entries(config), *(block["question"] for block in config["ratings"])):
+        for key, absent in _ABSENT.items():
+            if key in settings and settings[key] == absent:
+                del settings[key]
+    if "must_reach_goal" not in practice:
+        practice.pop("attempts", None)
     return structure
+
+
+def _entries(config: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The settings of all questions that participants answer."""
+    check = (config["practice"] or {}).get("check", ())
+    return [*config["demographics"], *check, *config["after_run"], *config["end"]]
 
 
 def write_state(out: str | Path, state: dict[str, Any]) -> None:
@@ -378,6 +427,6 @@ def _read_state(path: Path) -> dict[str, Any]:
         if not all(isinstance(state[key], list) for key in ("participants", "versions", "withdrawn")):
             raise TypeError("participants, versions and withdrawn are lists")
         stored = {key: state[key] for key in ("structure", "versions", "participants", "withdrawn")}
-        return stored | {"rows": dict(state.get("rows", {}))}
+        return stored | {key: dict(state.get(key, {})) for key in ("rows", "strata")}
     except (KeyError, TypeError, ValueError) as error:
         raise RecordError(f"{path} is damaged: {error}") from error

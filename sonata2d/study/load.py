@@ -24,7 +24,7 @@ from .questions import question_kind
 from .texts import texts_in
 
 _SCENES_PER_BLOCK = 10_000  # distance between the scene numbers of two blocks of runs
-_QUESTIONS = "demographics", "after_run", "end"  # sections of questionnaires
+_QUESTIONS = {"demographics", "check", "after_run", "end"}  # sections of questionnaires
 _MAX_ATTEMPTS = 50  # consecutive scenes of a scenario that cannot be generated before it is an error
 
 T = TypeVar("T")
@@ -167,7 +167,7 @@ def load_study(path: str | Path) -> Study:
         tables[language] = resolved(_table, path, config, language, keys=place)
     pictures: dict[str, Picture] = {}
     for keys, text in texts_in(config):
-        if keys[0] in _QUESTIONS or not {"text", "statements"}.intersection(keys):  # these are no Markdown
+        if not _QUESTIONS.isdisjoint(keys) or not {"text", "statements"}.intersection(keys):  # these are no Markdown
             continue
         for words in [text] if isinstance(text, str) else text.values():
             for source in pictures_in(words):

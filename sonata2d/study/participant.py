@@ -14,7 +14,7 @@ from ..collect.rating import RatingSession, ratings_of
 from ..collect.session import Session
 from ..record.record import EpisodeRecord
 from ..scenegen.scenario.config import ScenarioConfig
-from .answers import AnswerLog, checked_answers, event_time
+from .answers import AnswerLog, WrongAnswerError, checked_answers, event_time
 from .folder import StudyFolder, external_ids
 from .plan import Step
 from .progress import Progress
@@ -82,7 +82,51 @@ class Participant(Progress):
         """Whether the last kept run can be taken back; only questions about it may have been answered since."""
         return self._may_undo and self.study.config.undo and self.session is not None and self.session.can_undo
 
+    @property
+    def rules(self) -> dict[str, float | bool]:
+        """The rules for the present run that the participant is told: those of the study that ask for something.
+
+        Of practice runs, `must_reach_goal` holds until the participant has tried often enough.
+        """
+        config, practice = self.study.config, self.study.config.practice
+        if self.step.kind == _PRACTICE:
+            is_due = practice is not None and practice.must_reach_goal and self._tries < practice.attempts
+            return {"must_reach_goal": True} if is_due else {}
+        rules = {key: getattr(config, key) for key in ("minimum_length", "minimum_distance", "must_reach_goal")}
+        return {key: value for key, value in rules.items() if value}
+
+    @property
+    def broken_rule(self) -> str | None:
+        """The first of the rules that the present run, which ended, does not keep; None if it keeps all."""
+        session = self.session
+        if session is None or session.state != "ended" or not self.is_driving:
+            return None
+        is_at_goal = session.outcome is not None and session.outcome.status == "goal"
+        reached = {
+            "minimum_length": session.after.time,
+            "minimum_distance": session.path_length,
+            "must_reach_goal": is_at_goal,
+        }
+        return next((rule for rule, least in self.rules.items() if reached[rule] < least), None)
+
+    @property
+    def _tries(self) -> int:
+        """Number of times that the present run was begun."""
+        return 1 + [(event["event"], event.get("step")) for event in self._log.lines].count(("redone", self.step.id))
+
     # Actions
+
+    def device(self, screen: str, window: str, *, touch: bool) -> None:
+        """Note the device that the page is opened on.
+
+        Args:
+            screen, window: width and height in pixels of the page, such as `1440x900`.
+            touch: whether the page is touched first of all.
+        """
+        facts = {"screen": screen, "window": window, "touch": touch}
+        last = next((event["device"] for event in reversed(self._log.lines) if event["event"] == "device"), None)
+        if facts != last and len(self._log.lines) < _MAX_EVENTS:
+            self._append(event="device", device=facts)
 
     def choose_language(self, language: str) -> None:
         """Use one of the languages of the study.
@@ -151,10 +195,15 @@ class Participant(Progress):
         facts: dict[str, Any] = {"event": "answers", "step": step}
         if present.run is not None:
             facts["file"] = self._file_of_run(present.run)
+        stratum = self._stratum(step, answers)
         checks = [entry for entry in present.entries if isinstance(entry, Question) and entry.right is not None]
         wrong = [entry for entry in checks if answers.get(entry.name) != entry.check(entry.right)]
         if wrong:
             facts["wrong"] = [entry.name for entry in wrong]
+        if any(entry.until_right for entry in wrong):
+            self._require_room()
+            self._append(event="wrong", step=step, wrong=facts["wrong"])
+            raise WrongAnswerError("not all answers are right")
         secret = {name: value for name, value in answers.items() if name in personal}
         if secret:
             self._personal.append(time=self._time(), **facts, values=secret)
@@ -163,6 +212,11 @@ class Participant(Progress):
         self._may_undo = self._may_undo and present.run is not None
         if any(entry.screen_out for entry in wrong):
             self._append(event="screened_out", step=step)
+        elif stratum is not None:
+            if self._folder.admit(self.id, stratum):
+                self._take_row(self._folder.rows.get(self.id))
+            else:
+                self._append(event="screened_out", step=step, full=True)
         self.resume()
 
     def keep(self, label: Any = None) -> Path:
@@ -173,8 +227,7 @@ class Participant(Progress):
             RecordError: the file cannot be written; nothing is lost.
         """
         session = self._driving("run")
-        if (reason := self._unfit(session)) is not None:
-            raise ValueError(reason)
+        self._require_rules()
         path = session.keep(label)
         self._kept, self._may_undo = dict(session.kept_runs), True
         self.resume()
@@ -184,11 +237,12 @@ class Participant(Progress):
         """Go on after a practice run that ended.
 
         Raises:
-            ValueError: no practice run has ended.
+            ValueError: no practice run has ended, or it has to be driven again.
         """
         session = self._driving(_PRACTICE)
         if session.state != "ended":
             raise ValueError("the run has not ended")
+        self._require_rules()
         self._append(event="done", step=self.step.id)
         session.next(reason=_PRACTICE)
         self.resume()
@@ -221,7 +275,7 @@ class Participant(Progress):
             ValueError: the study does not allow it, and the run is long enough to be kept.
         """
         session = self._driving("run", _PRACTICE)
-        if not self.study.config.redo and self.step.kind == "run" and self._unfit(session) is None:
+        if not self.study.config.redo and self.step.kind == "run" and self.broken_rule is None:
             raise ValueError("runs of this study cannot be driven again")
         self._require_room()
         path = session.redo()
@@ -311,6 +365,14 @@ class Participant(Progress):
 
     # Internals
 
+    def _stratum(self, step: str, answers: Mapping[str, Any]) -> int | None:
+        """Number of the answer to the question of the quota, from 0; None if it is not among the answers."""
+        quota = self.study.config.quota
+        if quota is None or step != "demographics":
+            return None
+        answer = answers[quota.question]
+        return int(answer) if isinstance(answer, bool) else answer - 1
+
     def _log_kept_runs(self) -> None:
         """Store the events of kept runs that have none: the program may end between a run's file and its event."""
         for step in self._runs.values():
@@ -375,15 +437,19 @@ class Participant(Progress):
         self._leave_other_step()
         return self.session
 
-    def _unfit(self, session: Session) -> str | None:
-        """Why a run that ended cannot be kept; None if it can."""
-        config = self.study.config
-        if session.state != "ended":
-            return None
-        if (time := session.after.time) < config.minimum_length:
-            return f"the run is {time:.1f} s long; runs of {config.minimum_length:g} s or more can be kept"
-        is_at_goal = session.outcome is not None and session.outcome.status == "goal"
-        return "only runs that reach the goal can be kept" if config.must_reach_goal and not is_at_goal else None
+    def _require_rules(self) -> None:
+        """Refuse a run that does not keep the rules."""
+        session, rule = self.session, self.broken_rule
+        assert session is not None
+        if rule is not None:
+            least = self.rules[rule]
+            raise ValueError(
+                {
+                    "minimum_length": f"the run is {session.after.time:.1f} s long; it has to last {least:g} s or more",
+                    "minimum_distance": f"the robot went {session.path_length:.2f} m; it has to go {least:g} m or more",
+                    "must_reach_goal": "the run has to reach the goal",
+                }[rule]
+            )
 
     def _append(self, **facts: Any) -> None:
         """Store an event, and apply it."""

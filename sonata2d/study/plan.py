@@ -13,6 +13,7 @@ from .questions import Entry
 from .texts import Text
 
 PRACTICE_TEXT = "practice-text"  # id of the page before the practice
+PRACTICE_CHECK = "practice-check"  # id of that page if it has questions
 _StepKind = Literal["page", "consent", "questions", "practice", "run", "ratings", "thanks", "screened"]
 
 
@@ -23,7 +24,7 @@ class Step:
     Attributes:
         id: unique in the study, such as `page-1`.
         kind: activity of the participant.
-        title, text: of a page.
+        title, text: of a page; of questions, what is above them.
         statements: of the consent.
         entries: questions.
         run: number of a run or a practice run, from 0, or of the run that questions are about.
@@ -65,7 +66,9 @@ def steps_of(config: StudyConfig, index: int, row: int | None = None) -> list[St
         steps.append(Step("demographics", "questions", entries=config.demographics, is_personal=True))
     practice = config.practice
     if practice is not None:
-        if practice.text is not None:
+        if practice.check:
+            steps.append(Step(PRACTICE_CHECK, "questions", text=practice.text or "", entries=practice.check))
+        elif practice.text is not None:
             steps.append(Step(PRACTICE_TEXT, "page", text=practice.text))
         steps += [
             Step(f"practice-{k + 1}", "practice", run=k, block=len(config.runs), scene=k) for k in range(practice.runs)
@@ -105,16 +108,18 @@ def run_order(config: StudyConfig, index: int, row: int | None = None) -> list[t
         index: number of the participant, from 0.
         row: of the Latin square, or number of the only block; None: that of the index.
     """
-    row, count = index if row is None else row, len(config.runs)
-    blocks: Sequence[int] = range(count)
-    if count and config.order == "between":
-        blocks = [row % count]
-    elif count and config.order == "latin-square":
-        blocks = latin_square_row(count, row)
+    blocks = _blocks(config.order, len(config.runs), index if row is None else row)
     runs = [(block, scene) for block in blocks for scene in range(config.runs[block].runs)]
     if config.order == "shuffled":
         runs.sort(key=lambda run: order_key(config.seed, "runs", index, *run))
     return runs
+
+
+def _blocks(order: str, count: int, row: int) -> Sequence[int]:
+    """The blocks of a row, in their order."""
+    if count and order == "between":
+        return [row % count]
+    return latin_square_row(count, row) if count and order == "latin-square" else range(count)
 
 
 def rows_of(config: StudyConfig) -> int:
@@ -124,20 +129,20 @@ def rows_of(config: StudyConfig) -> int:
     return max(rows.get(config.order, 1), 1)
 
 
-def condition_of(config: StudyConfig, index: int, row: int | None = None) -> str:
+def condition_of(order: str, scenarios: Sequence[str], row: int) -> str:
     """The condition of a participant: the only block, or the blocks in the order of a Latin square; else empty.
 
     A block has its number, from 0, and its scenario, such as `0: doorway → 1: corridor`.
 
     Args:
-        config: of the study.
-        index: number of the participant, from 0.
-        row: as of `run_order`.
+        order: of the blocks of runs.
+        scenarios: of the blocks.
+        row: of the participant, as of `run_order`.
     """
-    if config.order not in ("between", "latin-square"):
+    if order not in ("between", "latin-square"):
         return ""
-    blocks = dict.fromkeys(block for block, _ in run_order(config, index, row))
-    return " → ".join(f"{block}: {Path(config.runs[block].scenario).stem}" for block in blocks)
+    blocks = _blocks(order, len(scenarios), row)
+    return " → ".join(f"{block}: {Path(scenarios[block]).stem}" for block in blocks)
 
 
 def latin_square_row(n: int, index: int) -> list[int]:

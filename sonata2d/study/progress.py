@@ -33,6 +33,7 @@ class Progress:
         has_declined: whether the participant did not consent.
         has_finished: whether the end of the study is stored.
         is_screened_out: whether an answer ended the study.
+        is_full: whether it did so because its places were taken.
         last_event: time of the last event, ISO 8601; empty before the first.
         external: ids that a panel gave, by name.
     """
@@ -46,13 +47,11 @@ class Progress:
         row: int | None = None,
     ) -> None:
         self.study, self.index = study, index
-        self.steps = steps_of(study.config, index, row)
-        self.condition = condition_of(study.config, index, row)
         self.external: dict[str, str] = {}
         self.language, self.has_chosen_language = study.config.languages[0], False
         self.has_declined, self.has_finished, self.last_event = False, False, ""
-        self.is_screened_out = False
-        self._runs = {step.run: step for step in self.steps if step.kind == "run"}
+        self.is_screened_out, self.is_full = False, False
+        self._take_row(row)
         self._kept = dict(kept or {})
         self._done: set[str] = set()
         self._logged: set[str] = set()  # files of kept runs that have an event
@@ -61,6 +60,13 @@ class Progress:
         self._replaced: dict[str, int] = {}  # scenes within their blocks that replace the scenes of runs, by step
         for event in events:
             self._apply(event)
+
+    def _take_row(self, row: int | None) -> None:
+        """Take the steps of a row of the Latin square; see `run_order`."""
+        self.steps = steps_of(self.study.config, self.index, row)
+        config, row = self.study.config, self.index if row is None else row
+        self.condition = condition_of(config.order, [block.scenario for block in config.runs], row)
+        self._runs = {step.run: step for step in self.steps if step.kind == "run"}
 
     @property
     def step(self) -> Step:
@@ -120,7 +126,7 @@ class Progress:
         elif kind == "kept":
             self._logged.add(event["file"])
         elif kind == "screened_out":
-            self.is_screened_out = True
+            self.is_screened_out, self.is_full = True, event.get("full", False)
         elif kind == "skipped":
             self._skipped.add(step)
         elif kind == "replaced":

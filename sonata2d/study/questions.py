@@ -81,6 +81,7 @@ class Question(Entry):
         right: the right answer, as it is stored, of a question that checks attention or comprehension; the page does
             not get it. Other answers are counted in the table of participants.
         screen_out: whether another answer ends the study for the participant.
+        until_right: whether the participant has to answer again after another answer.
     """
 
     renderer: ClassVar[str] = "text"  # key of the RENDERERS of the page
@@ -91,11 +92,15 @@ class Question(Entry):
     question: Text
     right: JsonValue = None
     screen_out: bool = False
+    until_right: bool = False
 
     @model_validator(mode="after")
     def _check_right(self) -> Self:
-        if self.screen_out and self.right is None:
-            raise setting_error("a question that screens out has a right answer", "screen_out")
+        for key in ("screen_out", "until_right"):
+            if getattr(self, key) and self.right is None:
+                raise setting_error("the question needs the right answer: right", key)
+        if self.screen_out and self.until_right:
+            raise setting_error("an answer either ends the study or is asked for again", "until_right")
         if self.right is not None:
             try:
                 self.check(self.right)
@@ -126,7 +131,9 @@ class Question(Entry):
 
     def content(self, language: str) -> Json:
         content = with_texts(self, lambda text: in_language(text, language)) | {"renderer": self.renderer}
-        return {key: value for key, value in content.items() if key not in ("right", "screen_out")}
+        return {
+            key: value for key, value in content.items() if key not in ("right", "screen_out", "until_right", "score")
+        }
 
     def refusal(self, value: Any, expected: str) -> ValueError:
         """The error about an answer that does not fit.
@@ -247,6 +254,7 @@ class Likert(Question):
         ends: meaning of the first and last point.
         labels: name of each point.
         shuffle: whether the rows are in random order, another one for each participant.
+        score: whether the mean of the points is a score, a row of scores.csv, as of all published questionnaires.
     """
 
     renderer = "likert"
@@ -258,6 +266,7 @@ class Likert(Question):
     ends: TwoTexts | None = None
     labels: Annotated[Texts, Field(min_length=2, max_length=11)] | None = None
     shuffle: bool = False
+    score: bool = False
 
     @model_validator(mode="before")
     @classmethod

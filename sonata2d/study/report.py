@@ -24,6 +24,7 @@ from ..record.record import EpisodeRecord
 from ..scenegen.scenario.parse import parse_settings
 from .answers import read_answers, state_of
 from .folder import ANSWERS, PERSONAL, RATED, STUDY, read_state, require_outside
+from .plan import PRACTICE_CHECK, condition_of
 from .questions import Likert, question_kind
 from .scales import Item, scale_named
 
@@ -36,8 +37,8 @@ TABLES = parse_settings(Path(__file__).with_name("tables.yaml"))  # meaning of e
 def save_results(out: str | Path, folder: str | Path, *, personal: bool = False) -> dict[Path, int]:
     """Write the results of a study as CSV tables, one row for each participant, run, answer, score and rating.
 
-    A score is the mean of the items of a table, or of one part of a published questionnaire; opposite items are
-    reversed.
+    A score is the mean of the items of a table with `score: true`, or of one part of a published questionnaire;
+    opposite items are reversed.
 
     Args:
         out: folder of the study.
@@ -81,8 +82,7 @@ def results_of(out: str | Path, *, personal: bool = False) -> dict[str, list[Row
     answers = [row for id in participants for row in _answer_rows(id, [*events[id], *secret[id]], kept)]
     return {
         "participants": [
-            _participant_row(id, language, events[id], runs, ratings) | {"row": state["rows"].get(id)}
-            for id in participants
+            _participant_row(id, language, events[id], runs, ratings) | _condition(state, id) for id in participants
         ],
         "runs": runs,
         "pages": [row for id in participants for row in _page_rows(id, events[id])],
@@ -130,8 +130,17 @@ def _participant_row(id: str, first_language: str, events: list[Row], runs: list
         "last_event": events[-1]["time"] if events else None,
         "runs": sum(row["participant"] == id for row in runs),
         "ratings": len(own),
+        **next((event["device"] for event in reversed(events) if event["event"] == "device"), {}),
         "flags": "; ".join(_flags(events, [row for row in runs if row["participant"] == id], own)) or None,
     }
+
+
+def _condition(state: Mapping[str, Any], id: str) -> Row:
+    """The row of the Latin square of a participant, and its meaning."""
+    config, row = state["structure"]["config"], state["rows"].get(id)
+    scenarios = [block["scenario"] for block in config["runs"]]
+    number = state["participants"].index(id) if row is None else row
+    return {"row": row, "condition": condition_of(config["order"], scenarios, number) or None}
 
 
 def _flags(events: list[Row], runs: list[Row], ratings: list[Row]) -> Iterator[str]:
@@ -227,10 +236,10 @@ def _answer_rows(id: str, events: list[Row], kept: set[str]) -> list[Row]:
 
 
 def _score_rows(answers: Iterable[Row], config: Mapping[str, Any]) -> list[Row]:
-    """The mean of each part of each table of statements that was answered."""
-    tables = {
-        (section, entry["name"]): entry for section in ("demographics", "after_run", "end") for entry in config[section]
-    }
+    """The mean of each part of each table that has scores and was answered."""
+    check = (config.get("practice") or {}).get("check", ())
+    sections = {PRACTICE_CHECK: check} | {section: config[section] for section in ("demographics", "after_run", "end")}
+    tables = {(section, entry["name"]): entry for section, entries in sections.items() for entry in entries}
     points_of: dict[tuple[Any, ...], dict[str, int]] = {}  # by row of the table, for each answered table
     for row in answers:
         if row["item"]:
@@ -254,7 +263,7 @@ def _items_of(entry: Mapping[str, Any]) -> tuple[int, Sequence[Item]]:
     if "scale" in entry:
         scale = scale_named(entry["scale"]).part(entry["subscales"])
         return scale.points, scale.items
-    if issubclass(question_kind(entry["kind"]), Likert):
+    if issubclass(question_kind(entry["kind"]), Likert) and entry.get("score"):
         return entry["points"], [Item.model_construct(**item) for item in entry["items"]]  # the structure has no texts
     return 0, ()
 

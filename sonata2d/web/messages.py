@@ -17,11 +17,12 @@ from ..core.wording import one_line
 PROTOCOL = 1
 MAX_MESSAGE = 65_536  # bytes
 _MAX_EVENTS = 64  # of one tick: each control at most once
-REFUSED, FAILED = "refused", "failed"  # kinds of problems: of the message, of the server
+REFUSED, FAILED, WRONG = "refused", "failed", "wrong"  # kinds of problems: of the message, the server, an answer
 _DEVICES = r"^(keyboard|mouse|touch|pad[0-7]|label)$"
 
 Name = Annotated[str, Field(min_length=1, max_length=80)]
 Step = Annotated[str, Field(min_length=1, max_length=120)]
+Pixels = Annotated[int, Field(ge=0, le=100_000)]
 Whole = Annotated[int, Field(ge=-MAX_ID, le=MAX_ID)]  # others cannot be sent back
 Label = bool | Whole | float | Annotated[str, Field(max_length=5000)]
 
@@ -38,11 +39,22 @@ class Hello(Message):
     Attributes:
         protocol: version of these messages.
         languages: of the browser, the preferred one first.
+        screen, window: width and height of the screen and of the window, px of the page.
+        touch: whether the page is touched first of all.
     """
 
     type: Literal["hello"]
     protocol: Whole
     languages: Annotated[list[Annotated[str, Field(max_length=40)]], Field(max_length=40)] = []
+    screen: Annotated[list[Pixels], Field(min_length=2, max_length=2)] | None = None
+    window: Annotated[list[Pixels], Field(min_length=2, max_length=2)] | None = None
+    touch: bool = False
+
+
+class Ping(Message):
+    """A request for an answer, by which the page measures the round-trip time."""
+
+    type: Literal["ping"]
 
 
 class Language(Message):
@@ -205,7 +217,7 @@ class Look(Message):
 
 
 _ParticipantMessage = Annotated[
-    Hello | Language | Action | StepAction | Consent | Answer | Tick | RunAction | Keep | Rate,
+    Hello | Ping | Language | Action | StepAction | Consent | Answer | Tick | RunAction | Keep | Rate,
     Field(discriminator="type"),
 ]
 _ResearcherMessage = Annotated[Request | PauseStudy | Add | Look, Field(discriminator="type")]

@@ -14,6 +14,7 @@ from ..core.devices import NETWORK_DEVICE, PREDICTED, ROUND_TRIP, DeviceEvent
 from ..core.geometry import quantised
 from ..core.wording import one_line
 from ..errors import Sonata2dError
+from ..study.answers import WrongAnswerError
 from ..study.config import LabelTexts
 from ..study.content import label_content, step_content
 from ..study.texts import Json
@@ -109,9 +110,13 @@ class ParticipantSession:
         self._last_message = self._clock()
         if isinstance(message, m.Tick):
             return await self._tick(message)
+        if isinstance(message, m.Ping):
+            return {"type": "pong"}
         problem, kind = "", ""
         try:
             await asyncio.to_thread(self._perform, message)
+        except WrongAnswerError as error:
+            problem, kind = str(error), m.WRONG
         except (ValueError, OverflowError) as error:
             problem, kind = one_line(error, 300), m.REFUSED
             logger.info("%s: %s", self.participant.id, problem)
@@ -173,8 +178,7 @@ class ParticipantSession:
             "undoneLabel": session.undone_label,
             "isPractice": step.kind == "practice",
             "isHolonomic": session.scene.robot.moves_sideways,
-            "minimum": config.minimum_length,
-            "mustReach": config.must_reach_goal and step.kind == "run",
+            "rules": self.participant.rules,
             "limit": session.scene.rules.time_limit,
             "allowed": {key: getattr(config, key) for key in ("discard", "redo", "undo")},
             "changes": config.changes,
@@ -265,6 +269,7 @@ class ParticipantSession:
             "state": driven_state(session),
             "outcome": session.outcome.status if session.outcome else None,
             "frameLabel": session.label,
+            "broken": self.participant.broken_rule,
             "isUnsaved": session.journal_error is not None,
             "isStudyPaused": self._is_paused(),
         }
@@ -295,6 +300,9 @@ class ParticipantSession:
                 if not participant.has_chosen_language:
                     participant.choose_language(preferred(participant.study.config.languages, message.languages))
                 participant.resume()  # a step may lack its run, because the disk was full when it began
+                if message.screen is not None and message.window is not None:
+                    screen, window = ("x".join(map(str, size)) for size in (message.screen, message.window))
+                    participant.device(screen, window, touch=message.touch)
             case m.Language():
                 participant.choose_language(message.language)
             # Pages, consent and questions. The page offers `skip` in a preview only, but anybody can send it.

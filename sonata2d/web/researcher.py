@@ -83,11 +83,14 @@ class Researcher:
 
     def _overview(self) -> Json:
         tokens, config = self._links.tokens(), self._folder.study.config
+        scenarios = [block.scenario for block in config.runs]
         return {
             "type": "overview",
             "isStudyPaused": self.is_paused,
             "open": self._links.open,
-            "conditions": [*dict.fromkeys(condition_of(config, row) for row in range(rows_of(config)))],
+            "conditions": [
+                *dict.fromkeys(condition_of(config.order, scenarios, row) for row in range(rows_of(config)))
+            ],
             "problem": one_line("; ".join(self._problems), 300),
             "participants": [
                 self._row(index, id, tokens.get(id))

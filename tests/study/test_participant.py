@@ -263,7 +263,7 @@ def test_a_short_run_is_not_kept(arrive: Arrive) -> None:
     participant = arrive()
     prepare(participant)
     drive(participant, ticks=3)
-    with pytest.raises(ValueError, match=r"the run is 0\.3 s long; runs of 0\.5 s or more can be kept"):
+    with pytest.raises(ValueError, match=r"the run is 0\.3 s long; it has to last 0\.5 s or more"):
         participant.keep(0.5)
     participant.redo()
     drive(participant, ticks=5)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from collections import Counter
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from sonata2d.errors import ConfigError
+from sonata2d.study.answers import WrongAnswerError
 from sonata2d.study.content import step_content, way_back
 from sonata2d.study.folder import StudyFolder
 from sonata2d.study.load import load_study
@@ -177,7 +179,7 @@ def test_only_runs_that_reach_the_goal_can_be_kept(study_file: Path, tmp_path: P
     participant = Participant(StudyFolder(tmp_path / "out", load_study(study_file)), "p1")
     prepare(participant)
     drive(participant)
-    with pytest.raises(ValueError, match="only runs that reach the goal can be kept"):
+    with pytest.raises(ValueError, match="the run has to reach the goal"):
         participant.keep(0.5)
     participant.redo()  # allowed, since there is no other way on
     session = participant.session
@@ -248,7 +250,12 @@ def test_wrong_answers_to_checks_are_flagged_or_end_the_study(tmp_path: Path) ->
 
 @pytest.mark.parametrize(
     ("keys", "problem"),
-    [("right: 4", r"attention is 4|right"), ("screen_out: true", "a question that screens out has a right answer")],
+    [
+        ("right: 4", r"attention is 4|right"),
+        ("screen_out: true", "needs the right answer: right"),
+        ("until_right: true", "needs the right answer: right"),
+        ("right: 3, until_right: true, screen_out: true", "either ends the study or is asked for again"),
+    ],
 )
 def test_checks_have_a_right_answer_that_fits(tmp_path: Path, keys: str, problem: str) -> None:
     (tmp_path / "checks.yaml").write_text(CHECKS.replace("right: 3", keys))
@@ -273,3 +280,161 @@ def test_flags_name_what_is_doubtful(
     rows = [{"event": kind} | ({} if seconds is None else {"seconds": seconds}) for kind, seconds in events]
     runs, ratings = [{"path_length": way} for way in ways], [{"label": label} for label in labels]
     assert [*_flags(rows, runs, ratings)] == expected
+
+
+RULES = """\
+title: Rules
+practice:
+  scenario: empty
+  text: Reach the target.
+  check: [{name: task, kind: yes_no, question: Must the robot reach the target, right: true, until_right: true}]
+  must_reach_goal: true
+  attempts: 3
+runs:
+  - {scenario: empty}
+minimum_distance: 0.4
+"""
+
+
+def ruled(tmp_path: Path) -> Participant:
+    (tmp_path / "rules.yaml").write_text(RULES)
+    return Participant(StudyFolder(tmp_path / "out", load_study(tmp_path / "rules.yaml")), "p1")
+
+
+def test_practice_and_comprehension_are_repeated_until_passed(tmp_path: Path) -> None:
+    participant = ruled(tmp_path)
+    content = step_content(participant)
+    assert (content["id"], content["kind"], content["html"]) == (
+        "practice-check", "questions", "<p>Reach the target.</p>\n"
+    )  # fmt: skip
+    assert "right" not in content["questions"][0]
+    assert "until_right" not in content["questions"][0]
+    for _ in range(2):
+        with pytest.raises(WrongAnswerError):
+            participant.answer("practice-check", {"task": False})
+    assert participant.step.id == "practice-check"
+    participant.answer("practice-check", {"task": True})
+    for attempt in range(3):
+        assert participant.step.kind == "practice"
+        drive(participant)
+        assert participant.broken_rule == ("must_reach_goal" if attempt < 2 else None)  # the third try may fail
+        if attempt < 2:
+            with pytest.raises(ValueError, match="the run has to reach the goal"):
+                participant.finish_practice()
+            participant.redo()
+    participant.finish_practice()
+    assert participant.step.kind == "run"
+    participant.close()
+    (row,) = results_of(tmp_path / "out")["participants"]
+    assert "2 wrong checks" in row["flags"]
+
+
+def test_a_run_without_enough_way_is_not_kept(tmp_path: Path) -> None:
+    participant = ruled(tmp_path)
+    participant.answer("practice-check", {"task": True})
+    for _ in range(2):
+        drive(participant)
+        participant.redo()
+    drive(participant)
+    participant.finish_practice()
+    assert participant.rules == {"minimum_distance": 0.4}
+    drive(participant, ticks=6)
+    with pytest.raises(ValueError, match=r"the robot went 0\.\d+ m; it has to go 0\.4 m or more"):
+        participant.keep()
+    participant.close()
+    again = Participant(StudyFolder(tmp_path / "out", load_study(tmp_path / "rules.yaml")), "p1")
+    assert again.broken_rule == "minimum_distance"  # the way of a run that is taken up again is known
+    again.redo()
+    drive(again, ticks=16)
+    again.keep()
+    again.close()
+    (row,) = results_of(tmp_path / "out")["runs"]
+    assert row["path_length"] >= 0.4
+
+
+QUOTA = (
+    BLOCKS.replace("latin-square", "between").replace("participants: 12", "participants: 100")
+    + """\
+demographics: [{name: gender, kind: classes, classes: [woman, man], question: Gender}]
+quota: {question: gender, places: [12, 6]}
+"""
+)
+
+
+def test_forty_participants_by_answer_and_condition_with_some_who_leave(doors: StudyFolder, tmp_path: Path) -> None:
+    """Twice as many men arrive as women; a third declines, and every fifth leaves after the consent or a run."""
+    (tmp_path / "doors.yaml").write_text(QUOTA)
+    folder, now = StudyFolder(tmp_path / "quota", load_study(tmp_path / "doors.yaml")), datetime.now(UTC)
+    kept, full, number = dict[str, int](), 0, 0
+    while len(kept) < 18 or number < 40:
+        id = folder.recruit({})
+        assert id is not None
+        stratum, number = int(number % 3 > 0), number + 1
+        leaves = number % 5 == 0
+        at = now - timedelta(hours=leaves)
+        participant = Participant(folder, id, now=lambda at=at: at)  # type: ignore[misc]
+        if number % 3 == 2 and number % 2:
+            participant.decline("consent")
+        else:
+            participant.consent("consent", [])
+            participant.answer("demographics", {"gender": stratum + 1})
+            if participant.step.kind == "screened":
+                full += 1
+                assert step_content(participant)["isFull"]
+            elif not leaves:
+                while participant.step.kind == "run":
+                    drive(participant)
+                    participant.keep(0.5)
+                kept[id] = stratum
+        participant.close()
+        assert number < 200
+    assert Counter(kept.values()) == {0: 12, 1: 6}
+    assert full > 5
+    again = StudyFolder(tmp_path / "quota", load_study(tmp_path / "doors.yaml"))
+    assert (again.rows, again.strata) == (folder.rows, folder.strata)
+    conditions = {row["participant"]: row["condition"] for row in results_of(tmp_path / "quota")["participants"]}
+    counts = Counter((stratum, conditions[id]) for id, stratum in kept.items())
+    assert counts == {(0, name): 4 for name in ("0: room", "1: wide", "2: dark")} | {
+        (1, name): 2 for name in ("0: room", "1: wide", "2: dark")
+    }
+
+
+@pytest.mark.parametrize(
+    ("quota", "problem"),
+    [
+        ("{question: age, places: [1, 2]}", "'age' is no question of demographics of kind yes_no or classes"),
+        ("{question: gender, places: [1, 2, 3]}", "3 numbers of places for 2 answers"),
+    ],
+)
+def test_a_quota_needs_a_question_with_as_many_answers(tmp_path: Path, quota: str, problem: str) -> None:
+    for name in ("room", "wide", "dark"):
+        (tmp_path / f"{name}.yaml").write_text(ROOM)
+    text = QUOTA[: QUOTA.index("quota:")] + f"quota: {quota}\n"
+    (tmp_path / "study.yaml").write_text(text)
+    with pytest.raises(ConfigError, match=problem):
+        load_study(tmp_path / "study.yaml")
+
+
+def test_devices_are_in_the_table_of_participants(panel: StudyFolder, tmp_path: Path) -> None:
+    id = panel.recruit({})
+    assert id is not None
+    participant = Participant(panel, id)
+    participant.device("1440x900", "1200x700", touch=False)
+    participant.device("1440x900", "1200x700", touch=False)  # the page is loaded again
+    participant.device("360x740", "360x600", touch=True)
+    participant.close()
+    (row,) = results_of(tmp_path / "out")["participants"]
+    assert (row["screen"], row["window"], row["touch"]) == ("360x740", "360x600", True)
+    assert sum(line["event"] == "device" for line in participant._log.lines) == 2
+
+
+def test_a_study_that_began_before_a_setting_existed_goes_on(study_file: Path, tmp_path: Path) -> None:
+    folder = StudyFolder(tmp_path / "out", load_study(study_file))
+    folder.add("p1")
+    path = tmp_path / "out" / "study" / "study.json"
+    state = json.loads(path.read_text())
+    practice, end = state["structure"]["config"]["practice"], state["structure"]["config"]["demographics"]
+    assert not {"check", "must_reach_goal", "attempts"} & set(practice)
+    end[0] |= {"screen_out": False}  # as of 0.4.0.dev, which stored it
+    path.write_text(json.dumps(state))
+    assert StudyFolder(tmp_path / "out", load_study(study_file)).participants == ["p1"]

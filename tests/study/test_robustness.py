@@ -190,18 +190,20 @@ def test_a_minimum_length_that_no_run_can_have(study_file: Path) -> None:
 
 
 def test_scores_of_tables_with_the_same_name_in_two_sections() -> None:
-    own = {"name": "felt", "kind": "likert", "points": 5}
+    own = {"name": "felt", "kind": "likert", "points": 5, "score": True}
     items = [{"name": "calm"}, {"name": "tense", "reversed": True}]
     config = {
         "demographics": [own | {"items": [{"name": "calm", "subscale": "before"}]}],
         "after_run": [own | {"items": items}],
         "end": [{"name": "rosas", "scale": "rosas", "subscales": ["warmth"]}],
     }
+    without = own | {"name": "mixed", "score": False, "items": [{"name": "easy"}, {"name": "surprised"}]}
+    config["after_run"].append(without)
     answers = [
         {"participant": "p1", "step": step, "file": None, "question": question, "item": item, "value": value}
         for step, question, item, value in (
             ("demographics", "felt", "calm", 2), ("after-run-1", "felt", "calm", 5),
-            ("after-run-1", "felt", "tense", 2), ("end", "rosas", "happy", 9),
+            ("after-run-1", "felt", "tense", 2), ("end", "rosas", "happy", 9), ("after-run-1", "mixed", "easy", 1),
         )
     ]  # fmt: skip
     rows = [(row["step"], row["part"], row["score"], row["items"]) for row in _score_rows(answers, config)]

@@ -11,6 +11,7 @@ import shutil
 import threading
 import time
 from collections.abc import Coroutine, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from importlib.metadata import version
 from pathlib import Path
@@ -23,7 +24,9 @@ from sonata2d.study.folder import STUDY, StudyFolder
 from sonata2d.study.links import Links
 from sonata2d.study.load import load_study
 from sonata2d.web.in_page import PageSimulator
+from sonata2d.web.messages import parse_message
 from sonata2d.web.page_folder import write_page
+from sonata2d.web.participant_session import ParticipantSession
 from sonata2d.web.serve import server_config
 from sonata2d.web.server import StudyServer
 from sonata2d.web.settings import ServerSettings
@@ -112,6 +115,13 @@ class Served:
     def link(self) -> str:
         """The link of a new participant."""
         return f"{self.url}/s/{self.server.new_participant()}"
+
+
+def answered(session: ParticipantSession, message: dict[str, Any]) -> Any:
+    """The answer of a session to a message of its page; in a thread, since a browser may occupy this one's loop."""
+    answer = session.answer(parse_message(json.dumps(message)))
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(asyncio.run, answer).result()  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="session")

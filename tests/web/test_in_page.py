@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import os
 import subprocess
@@ -21,9 +20,10 @@ from sonata2d.study.folder import StudyFolder
 from sonata2d.study.load import load_study
 from sonata2d.study.participant import Participant
 from sonata2d.web.in_page import PageSimulator
-from sonata2d.web.messages import parse_message
 from sonata2d.web.page_folder import own_archive
 from sonata2d.web.participant_session import ParticipantSession
+
+from .conftest import answered
 
 # What Pyodide loads for the page, see `page_folder`: packages, and modules of the interpreter's site-packages.
 _PACKAGES = (
@@ -180,7 +180,7 @@ class Both:
         return self.send(type="hello", protocol=1)
 
     def send(self, **message: Any) -> Any:
-        answer: Any = asyncio.run(self.session.answer(parse_message(json.dumps(message))))
+        answer = answered(self.session, message)
         if answer["type"] == "view" and "drive" in answer:
             self.drive = answer["drive"]
             ask(self.simulator, type="follow", **self.drive["follow"])
@@ -240,6 +240,6 @@ def test_a_page_of_a_server_without_the_simulator_gets_no_run_to_follow(tmp_path
     both = Both(tmp_path)
     both.session.participant.close()
     session = ParticipantSession(Participant(both.study, "p1"), clock=lambda: 0.0, sleep=_no_sleep)
-    view: Any = asyncio.run(session.answer(parse_message('{"type": "hello", "protocol": 1}')))
+    view = answered(session, {"type": "hello", "protocol": 1})
     assert "follow" not in view.get("drive", {})
     session.participant.close()

@@ -12,11 +12,13 @@ from sonata2d.collect.rating import ratings_of
 from sonata2d.study.folder import StudyFolder
 from sonata2d.study.load import load_study
 from sonata2d.study.participant import Participant
+from sonata2d.study.report import results_of
 from sonata2d.web import messages as m
 from sonata2d.web.participant_session import ParticipantSession
 
 from .conftest import STUDY_TEXT, Served
-from .test_browser import opened
+from .proxy import Proxy
+from .test_browser import drive_with_keys, end, go_on, opened, waiting
 from .test_server import client_of, fetch
 
 PANEL = """\
@@ -147,3 +149,84 @@ def test_the_first_tab_can_go_on_after_a_second_one(browser: Any, panel: Served)
     first.wait_for_selector("#step:not([hidden]) .prose")
     assert first.locator("#here").count() == 0
     first.context.close()
+
+
+RULED = """\
+title: Rules
+consent: {title: Consent, text: "Runs are **stored**.", statements: [I take part.]}
+practice:
+  scenario: empty
+  text: Reach the target.
+  check: [{name: task, kind: yes_no, question: Must it be reached, right: true, until_right: true}]
+  must_reach_goal: true
+runs: [{scenario: empty}]
+minimum_length: 2
+minimum_distance: 0.5
+must_reach_goal: true
+requires: {round_trip: 0.3}
+"""
+
+
+@pytest.fixture
+def ruled(study_folder: Path) -> Any:
+    (study_folder / "study.yaml").write_text(RULED)
+    served = Served(study_folder)
+    yield served
+    served.stop()
+
+
+def test_rules_are_told_before_and_kept(browser: Any, ruled: Served, tmp_path: Path) -> None:
+    tab = opened(browser, ruled.link(), accept_downloads=True)
+    with tab.expect_download() as download:
+        tab.get_by_role("button", name="Save this text").click()
+    download.value.save_as(tmp_path / "consent.html")
+    saved = (tmp_path / "consent.html").read_text(encoding="utf-8")
+    assert "<strong>stored</strong>" in saved
+    assert "I take part." in saved
+    assert "p001" in saved
+    tab.get_by_label("I take part.").check()
+    tab.get_by_role("button", name="I agree", exact=True).click()
+    tab.get_by_role("radio", name="no", exact=True).check()
+    assert tab.locator(".prose").inner_text() == "Reach the target."
+    go_on(tab)
+    tab.wait_for_selector("#problem:not([hidden])")
+    assert tab.inner_text("#problem").startswith("Not all answers are right.")
+    tab.get_by_role("radio", name="yes", exact=True).check()
+    go_on(tab)
+    waiting(tab)
+    drive_with_keys(tab, 300)
+    end(tab)
+    assert "Please try again: drive to the green target." in tab.inner_text("#card")
+    assert tab.locator("#card").get_by_role("button").all_inner_texts() == ["Again"]
+    for attempt in range(4):  # the fifth try may fail
+        tab.locator("#card").get_by_role("button", name="Again").click()
+        waiting(tab)
+        drive_with_keys(tab, 300)
+        end(tab)
+        assert tab.locator("#card").get_by_role("button", name="Continue").count() == (attempt == 3)
+    go_on(tab)
+    waiting(tab)
+    assert tab.inner_text("#hint").endswith(
+        "Only runs that reach it count. Drive 0.5 m or more. Drive for 2 s or more."
+    )
+    drive_with_keys(tab, 300)
+    end(tab)
+    assert "Runs of 2 s or more can be kept." in tab.inner_text("#card")
+    assert tab.problems == []
+    tab.context.close()
+    (row,) = results_of(ruled.out)["participants"]
+    assert row["window"] == "1000x760"
+    assert row["touch"] is False
+
+
+def test_a_slow_connection_is_told_before_the_first_step(browser: Any, ruled: Served) -> None:
+    link = ruled.link()
+    with Proxy(ruled.port, delay=0.25) as proxy:
+        tab = opened(browser, link.replace(str(ruled.port), str(proxy.port)))
+        tab.wait_for_selector("#missing")
+        assert "and 0.3 s are allowed" in tab.inner_text("#missing")
+        tab.context.close()
+    tab = opened(browser, link)
+    tab.wait_for_selector("#tick-0")
+    assert tab.locator("#missing").count() == 0
+    tab.context.close()

@@ -78,10 +78,10 @@ export class Drive {
     this.latest = this.confirmed; this.shown = Math.min(this.shown, this.latest);
   }
 
-  update({status, outcome, frameLabel, isUnsaved, isStudyPaused}) {
+  update({status, outcome, broken, frameLabel, isUnsaved, isStudyPaused}) {
     const former = this.status, wasUnsaved = this.isUnsaved;
     if (former === "pausing" && status === "driving") return;   // the answer to a tick before the pause
-    this.outcome = outcome; this.frameLabel = frameLabel; this.isUnsaved = isUnsaved; this.isStudyPaused = isStudyPaused;
+    this.outcome = outcome; this.broken = broken; this.frameLabel = frameLabel; this.isUnsaved = isUnsaved; this.isStudyPaused = isStudyPaused;
     this.status = status;
     if (status === "ended") this.input.release();
     if (status !== former || isUnsaved !== wasUnsaved) this.changed();

@@ -11,10 +11,13 @@ const PROTOCOL = 1;
 const TOUCHED = {human: "readings.touching_human", object: "readings.touching_object", wall: "readings.touching_wall",
                  robot: "readings.touching_robot"};
 const PAUSE_OF_CARD = 500;     // ms, in which keys that were pressed to drive do not answer the card
-const PROBLEMS = {refused: "web.not_possible", failed: "web.server_failed"};
+const PROBLEMS = {refused: "web.not_possible", failed: "web.server_failed", wrong: "web.check_again"};
+const PINGS = 7;      // of which the median is the round-trip time that a study may limit
 const data = JSON.parse(byId("data").textContent);
 let language = data.languages[0], view = null, stepOnShow = null, isWaiting = false, connection = "lost", label = null;
 let problem = "";      // of the last message
+const pings = [];      // round-trip times, s
+let pinged = 0;        // time at which the last ping was sent, ms
 let notice = "";       // about a device; shown until the run goes on
 
 /** A text of the page in the participant's language. */
@@ -31,19 +34,29 @@ const seconds = time => time.toFixed(1);
 const server = new Connection(socketAddress(), {
   receive: answer => {
     if (answer.type === "tick") { drive.answered(answer); showReadings(); return; }
+    if (answer.type === "pong") { pings.push((performance.now() - pinged) / 1000); ping(); return; }
     isWaiting = false;
     if (answer.type === "error") { report(t(PROBLEMS[answer.problemKind])); setBusy(); return; }
     show(answer);
   },
   status: status => {
     connection = status;
-    if (status === "open") { isWaiting = false; send({type: "hello", protocol: PROTOCOL, languages: navigator.languages.slice(0, 9)}); }
+    if (status === "open") { isWaiting = false; send(hello()); }
     else { drive.status = drive.run === null ? "none" : "lost"; drive.input.release(); }
     showConnection();
     if (view) showDriving();
   },
 });
 
+const hello = () => ({type: "hello", protocol: PROTOCOL, languages: navigator.languages.slice(0, 9), touch: isTouched,
+                      screen: [screen.width, screen.height], window: [innerWidth, innerHeight]});
+
+/** Measures the round-trip time, if the study limits it, and then shows the page. */
+function ping() {
+  if (pings.length >= PINGS) { show(view); return; }
+  pinged = performance.now();
+  server.send({type: "ping"});
+}
 /** Sends a message; buttons are disabled until the answer. */
 function send(message) {
   const isSent = server.send(message);
@@ -104,8 +117,12 @@ function show(next) {
 
 /** The requirement that the device does not meet, in place of the step; false if it meets all. */
 function showMissing() {
-  const {keyboard, width} = data.requires;
-  const missing = keyboard && isTouched ? t("web.needs_keyboard") : width && innerWidth < width ? t("web.needs_width", {width}) : "";
+  const {keyboard, width, round_trip: limit} = data.requires, isMeasured = pings.length >= PINGS;
+  const middle = isMeasured ? [...pings].sort((a, b) => a - b)[PINGS >> 1] : 0;
+  if (limit && view.progress[0] === 0 && !isMeasured && !pinged) ping();
+  const isSlow = limit && view.progress[0] === 0 && middle > limit;      // whoever has begun goes on
+  const missing = keyboard && isTouched ? t("web.needs_keyboard") : width && innerWidth < width ? t("web.needs_width", {width})
+    : isSlow ? t("web.needs_connection", {seconds: middle.toFixed(2), limit}) : "";
   if (!missing) return false;
   for (const id of ["driving", "watching"]) byId(id).hidden = true;
   byId("step").hidden = false; document.body.classList.remove("wide");
@@ -156,7 +173,7 @@ function showStep() {
   if (step.kind === "declined") {
     parts.push(make("p", {}, t("web.declined")), next(t("web.reconsider"), () => send({type: "reconsider"})));
   }
-  if (step.kind === "screened") parts.push(make("p", {}, t("web.screened")));
+  if (step.kind === "screened") parts.push(make("p", {}, t(step.isFull ? "web.full_study" : "web.screened")));
   if (step.leave) parts.push(leaving(step.leave));
   if (step.kind === "thanks" && !step.html) parts.push(make("p", {}, t("web.thanks")));
   if (view.canUndo) parts.push(make("p", {class: "aside"}, make("button", {"data-sends": true, onclick: () => send({type: "undo"})}, t("menu.undo"))));
@@ -168,7 +185,7 @@ function leaving({address, code}) {
   return address ? make("p", {}, make("a", {class: "primary", href: address}, t("web.leave"))) : make("p", {}, `${t("web.code")} `, make("strong", {id: "code"}, code));
 }
 function titleOf(step) {
-  return {questions: t("web.questions"), thanks: t("rating.thanks"), screened: t("web.screened_title"), declined: t("web.declined_title"), page: text(data.title)}[step.kind] || text(data.title);
+  return {questions: t("web.questions"), thanks: t("rating.thanks"), screened: t(step.isFull ? "web.full_title" : "web.screened_title"), declined: t("web.declined_title"), page: text(data.title)}[step.kind] || text(data.title);
 }
 function consent(step, next) {
   const boxes = step.statements.map((html, k) => make("input", {type: "checkbox", id: `tick-${k}`}));
@@ -180,7 +197,20 @@ function consent(step, next) {
     else boxes.find(box => !box.checked).focus();
   };
   return make("div", {}, ...lines, problem, make("div", {class: "buttons"}, next(t("web.agree"), agree),
-    make("button", {"data-sends": true, onclick: () => send({type: "decline", step: step.id})}, t("web.decline"))));
+    make("button", {"data-sends": true, onclick: () => send({type: "decline", step: step.id})}, t("web.decline")),
+    make("button", {id: "save-text", onclick: () => saveText(step)}, t("web.save_text"))));
+}
+/** Saves the text of the consent as a file. */
+function saveText(step) {
+  const title = step.title || text(data.title), copy = document.implementation.createHTMLDocument(title);
+  copy.documentElement.lang = language;
+  copy.head.prepend(make("meta", {charset: "utf-8"}));
+  copy.body.append(make("h1", {}, title), make("div", {html: step.html}), make("ul", {}, ...step.statements.map(html => make("li", {html}))),
+    make("p", {}, `${text(data.title)}. ${t("web.number", {id: view.participant})}. ${new Date().toISOString().slice(0, 10)}`));
+  for (const picture of copy.querySelectorAll("img")) picture.setAttribute("src", new URL(picture.getAttribute("src"), location.href).href);
+  const address = URL.createObjectURL(new Blob(["<!DOCTYPE html>\n", copy.documentElement.outerHTML], {type: "text/html"}));
+  make("a", {href: address, download: `${view.participant}-${step.id}.html`}).click();
+  setTimeout(() => URL.revokeObjectURL(address), 10000);
 }
 
 // ---- driving
@@ -193,7 +223,7 @@ function showDriving(isNew = false) {
   const {status} = drive, {drive: run} = view;
   byId("status").textContent = `${SIGNS[status] || ""} ${t(WORDS[status] || "readings.waiting")}`;
   byId("status").className = status;
-  byId("hint").textContent = drive.isStudyPaused ? t("web.study_paused") : status === "waiting" ? t(!run.isPractice ? "web.drive_hint" : isTouched ? "web.practice_touch" : "web.practice_hint") + (run.mustReach ? ` ${t("web.drive_rule")}` : "")
+  byId("hint").textContent = drive.isStudyPaused ? t("web.study_paused") : status === "waiting" ? t(!run.isPractice ? "web.drive_hint" : isTouched ? "web.practice_touch" : "web.practice_hint") + rulesOf(run)
     : drive.isSlow ? t("web.slow") : status === "paused" || status === "pausing" ? t("web.paused") : "";
   if (status === "driving") notice = "";
   report(problem);
@@ -216,6 +246,12 @@ function showDriving(isNew = false) {
   setBusy();
 }
 
+/** What a run has to be to count, in words. */
+function rulesOf({rules, isPractice}) {
+  const {minimum_length: least, minimum_distance: metres, must_reach_goal: mustReach} = rules;
+  return [mustReach && !isPractice && t("web.drive_rule"), metres && t("web.rule_distance", {metres}), least && t("web.rule_time", {seconds: least})]
+    .filter(Boolean).map(words => ` ${words}`).join("");
+}
 /** Lets keys drive again, after a button was clicked. */
 const focusPicture = () => byId("canvas").focus({preventScroll: true});
 
@@ -258,31 +294,33 @@ function showCard(status, run) {
   if (!card.hidden && card.dataset.key === key) return;
   if (card.hidden) card.shownAt = performance.now();
   card.dataset.key = key; card.hidden = false;
-  const time = drive.states.get(drive.latest).time, isMissed = run.mustReach && drive.outcome !== "goal", isShort = time < run.minimum || isMissed;
+  const {broken} = drive, time = drive.states.get(drive.latest).time, {minimum_length: least, minimum_distance: metres} = run.rules;
+  const reason = {minimum_length: ["web.too_short", {seconds: least}], minimum_distance: ["web.too_near", {metres}],
+                  must_reach_goal: [run.isPractice ? "web.practice_again" : "web.must_reach"]}[broken];
   const above = make("p", {class: "above"}, t(`run.${drive.outcome || "stopped"}`, {time: seconds(time)}));
   const buttons = [], explained = [], id = run.run;
   const add = (words, message, attributes = {}) => buttons.push(make("button", {"data-sends": true, onclick: () => send(message), ...attributes}, words));
   let asked = null, heading;
   if (run.isPractice) {
-    heading = t("web.practice_done");
-    add(t("web.continue"), {type: "finish_practice", run: id}, {class: "primary", id: "confirm"});
-    add(capital("keys.redo"), {type: "redo", run: id});
+    heading = broken ? "" : t("web.practice_done");
+    if (!broken) add(t("web.continue"), {type: "finish_practice", run: id}, {class: "primary", id: "confirm"});
+    add(capital("keys.redo"), {type: "redo", run: id}, broken ? {class: "primary", id: "confirm"} : {});
   } else {
     if (run.label && run.label.when === "run") {
       asked = question({...run.label, answer: label}, t);
       asked.addEventListener("answered", () => { label = asked.answer; asked.setProblem(""); });
     }
-    heading = asked || isShort ? "" : t("run.keep_question");
+    heading = asked || broken ? "" : t("run.keep_question");
     const keep = make("button", {class: "primary", id: "confirm", "data-sends": true, onclick: () => keepRun(asked)}, capital("keys.keep"));
     const redo = attributes => add(capital("keys.redo"), {type: "redo", run: id}, attributes);
-    if (isShort) redo({class: "primary", id: "confirm"}); else buttons.push(keep);
+    if (broken) redo({class: "primary", id: "confirm"}); else buttons.push(keep);
     if (run.allowed.discard) add(capital("keys.discard"), {type: "discard", run: id});
-    if (run.allowed.redo && !isShort) redo({});
+    if (run.allowed.redo && !broken) redo({});
     if (run.allowed.discard) explained.push(make("p", {class: "hint"}, t("web.about_discard")));
-    if (run.allowed.redo || isShort) explained.push(make("p", {class: "hint"}, t("web.about_redo")));
+    if (run.allowed.redo || broken) explained.push(make("p", {class: "hint"}, t("web.about_redo")));
   }
-  card.replaceChildren(above, ...(heading ? [make("h2", {}, heading)] : []), ...(asked && !isShort ? [asked] : []),
-    ...(isShort && !run.isPractice ? [make("p", {class: "problem"}, isMissed ? t("web.must_reach") : t("web.too_short", {seconds: run.minimum}))] : []),
+  card.replaceChildren(above, ...(heading ? [make("h2", {}, heading)] : []), ...(asked && !broken ? [asked] : []),
+    ...(reason ? [make("p", {class: "problem"}, t(...reason))] : []),
     make("div", {class: "buttons"}, ...buttons), ...explained);
   card.asked = asked;
   const first = card.querySelector("input, button");
