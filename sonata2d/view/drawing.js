@@ -2,6 +2,7 @@
 
 const GAZE_RANGE = .75, GAZE_RAYS = [-3, -2, -1, 0, 1, 2, 3].map(k => .38 * k / 3);   // m beyond the outline; rad
 const VIEW_RANGE = 5, DOWN = .72;           // of the follow view: m to the upper edge; position of the robot from the top
+const TURN = 1.3;                           // least gain in scale by which a room is turned in the top view
 const MARGIN = .3;                          // m, around the room in the top view
 export const TRAIL = 61;                    // ticks of past paths
 const SYMBOL_SCALE = 100;                   // pixels per metre
@@ -36,16 +37,28 @@ export function stateBetween(scene, before, after, s) {
 
 // ---- cameras: scale in pixels per metre, the world point at the upper left corner, the direction that points up
 
-/** The whole room in a picture of a size in pixels; above zoom 1, its part around a place. */
+/** The whole room in a picture of a size in pixels; above zoom 1, its part around a place. A long room is turned by a
+    quarter if it is then a good deal larger, as on a phone. */
 export function topCamera(scene, width, height, zoom = 1, place = null) {
   const {left, top, width: wide, height: high} = scene.view;
-  const fit = Math.min(width / wide, height / high), scale = fit * zoom;
+  const upright = Math.min(width / wide, height / high), turned = Math.min(width / high, height / wide);
+  const isTurned = turned > TURN * upright, fit = isTurned ? turned : upright, scale = fit * zoom;
   const corner = (low, size, pixels, at) => {
     const seen = pixels / scale, start = low + (size - pixels / fit) / 2, end = start + pixels / fit - seen;
     return zoom <= 1 || !place ? low + (size - seen) / 2 : Math.min(Math.max(at - seen / 2, start), end);
   };
+  if (isTurned) return {scale, up: [1, 0], width, height, left: -corner(-left - wide, wide, height, place && -place.x),
+                        top: -corner(-top, high, width, place && -place.y)};
   return {scale, up: [0, 1], width, height, left: corner(left, wide, width, place && place.x),
           top: -corner(-top, high, height, place && -place.y)};
+}
+
+/** A camera between two of the same picture, which keeps a place of the world in between, too; s from 0 to 1. */
+export function cameraBetween(a, b, {x, y}, s) {
+  const angle = turn(Math.atan2(a.up[1], a.up[0]), Math.atan2(b.up[1], b.up[0]), s), ux = Math.cos(angle), uy = Math.sin(angle);
+  const scale = Math.exp(blend(Math.log(a.scale), Math.log(b.scale), s)), from = toPixels(a, x, y), to = toPixels(b, x, y);
+  const right = blend(from[0], to[0], s) / scale, down = blend(from[1], to[1], s) / scale;
+  return {scale, up: [ux, uy], width: b.width, height: b.height, left: x - right * uy + down * ux, top: y + right * ux + down * uy};
 }
 
 /** From behind the robot, whose direction points up. */
@@ -120,7 +133,7 @@ export class SceneDrawing {
     for (const trail of trails) this.drawTrail(trail);
     const robots = this.known("robot") ? [...now.robots, now.robot] : [];
     const places = Object.fromEntries([...this.scene.things, ...now.people, ...robots].map(item => [item.id, item]));
-    if (layers.zones) this.inRoom(() => now.people.forEach(human => this.drawZones(human)));
+    if (layers.zones) this.inRoom(() => this.zoned(now, layers.zones).forEach(human => this.drawZones(human)));
     if (layers.gaze !== false && this.known("heads")) now.people.forEach(human => this.drawGaze(human, now.doors));
     if (layers.links !== false) now.links.forEach(link => this.drawLink(link, places));
     now.people.forEach(human => this.drawHuman(human, now.time));
@@ -275,6 +288,12 @@ export class SceneDrawing {
     return distance > 0 && fraction >= 0 && fraction <= 1 ? distance : Infinity;
   }
 
+  /** The people whose zones are drawn: the `count` that are nearest to the robot, or all if it is true. */
+  zoned({people, robot}, count) {
+    const distance = ({x, y}) => Math.hypot(x - robot.x, y - robot.y);
+    return count === true ? people : [...people].sort((a, b) => distance(a) - distance(b)).slice(0, count);
+  }
+
   drawZones(human) {
     const [intimate, personal] = this.scene.zones.map(distance => human.radius + distance), {colours} = this.scene;
     this.at(human.x, human.y, human.theta, () => {
@@ -290,6 +309,7 @@ export class SceneDrawing {
     if (!a || !b) return;
     const distance = Math.hypot(b.x - a.x, b.y - a.y), from = a.radius + .05, to = distance - b.radius - .05;
     if (to > from) this.at(a.x, a.y, Math.atan2(b.y - a.y, b.x - a.x), () => {
+      if (b.type !== undefined) { this.path([from, 0], [to, 0]); this.line(this.scene.colours.regard, .014); return; }      // a thing
       for (let x = from; x <= to; x += .1) { this.round(.022, .022, x); this.fill(this.scene.colours.link); }
     });
   }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
@@ -21,7 +21,7 @@ from ..core.snapshot import Snapshot
 from .annotations import STRIP
 from .brush import Brush, body_arc
 from .furniture import half_size
-from .palette import BLUE, FAINT, FLOOR, INK, PURPLE, ROBOT, Colour, mixed, shaded
+from .palette import BLUE, FAINT, FLOOR, INK, PURPLE, REGARD, ROBOT, Colour, mixed, shaded
 
 _RAYS = tuple((math.cos(0.38 * k / 3), math.sin(0.38 * k / 3)) for k in range(-3, 4))  # unit vectors around the gaze
 _FAN_RANGE = 0.75  # m beyond the pedestrian's outline
@@ -193,8 +193,9 @@ def draw_interactions(
     for link in snapshot.interactions if spaces else ():
         if link.src not in grouped:  # members of a group share the space of the group
             _draw_pair_space(brush, link, ends)
+    things = {item.id for item in snapshot.objects}
     for link in visible_interactions(snapshot) if links else ():
-        _draw_link(brush, link, ends)
+        _draw_link(brush, link, ends, draw_regard_between if link.dst in things else draw_link_between)
 
 
 def visible_interactions(snapshot: Snapshot) -> list[Interaction]:
@@ -249,18 +250,23 @@ def _joined(brush: Brush, link: Interaction, ends: _Ends) -> tuple[Brush, float]
     return brush.at(((ax + bx) / 2, (ay + by) / 2), ((bx - ax) / distance, (by - ay) / distance)), distance
 
 
-def _draw_link(brush: Brush, link: Interaction, ends: _Ends) -> None:
-    """Draw a dotted line between the outlines of two entities."""
+def _draw_link(brush: Brush, link: Interaction, ends: _Ends, draw: Callable[[Brush, Point, Point], None]) -> None:
+    """Draw a line between the outlines of two entities."""
     if (joined := _joined(brush, link, ends)) is not None:
         centre, distance = joined
         first, last = ends[link.src][1] + _MARGIN - distance / 2, distance / 2 - ends[link.dst][1] - _MARGIN
         if first < last:
-            draw_link_between(centre, (first, 0.0), (last, 0.0))
+            draw(centre, (first, 0.0), (last, 0.0))
 
 
 def draw_link_between(brush: Brush, start: Point, end: Point) -> None:
-    """Draw a dotted line between two points."""
+    """Draw a dotted line between two points: somebody attends to somebody, and nobody should pass between them."""
     brush.dots(FAINT, start, end, 0.022, 0.1)
+
+
+def draw_regard_between(brush: Brush, start: Point, end: Point) -> None:
+    """Draw a faint line between two points: somebody looks at a thing or works at it."""
+    brush.stroke(REGARD, [start, end], 0.014)
 
 
 def _draw_pair_space(brush: Brush, link: Interaction, ends: _Ends) -> None:

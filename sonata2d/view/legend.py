@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 from ..core.geometry import Disc, Point
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE
@@ -15,7 +16,7 @@ from .canvas import Canvas
 from .figures import draw_body, draw_chassis, draw_head, draw_plain_body, draw_target
 from .fonts import width_of
 from .landmarks import draw_door, draw_leaf, draw_place, draw_queue
-from .layers import Layers, draw_fan, draw_link_between, draw_shared_space, draw_zones_of
+from .layers import Layers, draw_fan, draw_link_between, draw_regard_between, draw_shared_space, draw_zones_of
 from .palette import INK
 from .projection import Camera
 from .trails import MARK_INTERVAL, draw_mark_sample, draw_path_samples
@@ -40,12 +41,14 @@ TEXTS = {  # English meaning of each symbol
     "place": "place of interest",
     "paths": "paths",
     "time_mark": "every {seconds} s",
-    "interaction": "interaction",
+    "interaction": "interaction of people",
+    "regard": "looks at a thing, or works at it",
     "zones": "intimate space {intimate} m, personal {personal} m",
     "shared": "shared space",
 }
 
 
+_LINE: dict[str, Any] = {"start": (-0.3, 0.0), "end": (0.3, 0.0)}
 _VALUES = {  # in the meanings
     "seconds": f"{MARK_INTERVAL:g}",
     "intimate": f"{INTIMATE_DISTANCE:g}",
@@ -168,6 +171,8 @@ def _entries(
     present = {human.activity for snapshot in snapshots for human in snapshot.humans}
     has_robot, has_people = "robot" not in unmeasured, bool(present)
     has_links, has_contacts = (any(getattr(s, name) for s in snapshots) for name in ("interactions", "contacts"))
+    things = {item.id for item in scene.furniture}
+    is_regard = {link.dst in things for snapshot in snapshots for link in snapshot.interactions}
     has_ignoring = has_people and any(human.reacts_to_robot == 0.0 for human in scene.humans)
     chassis, ignoring = partial(draw_chassis, shape=Disc(_RADIUS)), partial(_draw_pedestrian, ignores_robot=True)
     zones_size = 2 * (sum(_BODY) + PERSONAL_DISTANCE)
@@ -185,7 +190,8 @@ def _entries(
         ("place", scene.places, partial(draw_place, radius=0.35), 0.8),
         ("paths", paths, partial(draw_path_samples, robot=has_robot), 0.4),
         ("time_mark", time_marks and has_robot, draw_mark_sample, 0.4),
-        ("interaction", layers.links and has_links, partial(draw_link_between, start=(-0.3, 0), end=(0.3, 0)), 0.6),
+        ("interaction", layers.links and False in is_regard, partial(draw_link_between, **_LINE), 0.6),
+        ("regard", layers.links and True in is_regard, partial(draw_regard_between, **_LINE), 0.6),
         ("zones", layers.zones and present, partial(draw_zones_of, r=_BODY[0], shoulder=_BODY[1]), zones_size),
         ("shared", layers.zones and has_links, partial(draw_shared_space, half_length=0.5, half_width=0.35), 1.0),
     ]

@@ -40,6 +40,7 @@ GRID: Colour = (235, 232, 225)
 WALL: Colour = (62, 67, 77)
 INK: Colour = (43, 47, 54)
 FAINT: Colour = (118, 124, 134)
+REGARD: Colour = (180, 183, 188)
 
 DARK: Colour = (52, 56, 64)
 BLOCK: Colour = (205, 199, 190)

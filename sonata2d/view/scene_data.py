@@ -25,7 +25,7 @@ from .furniture import half_size
 from .landmarks import leaf_as_drawn
 from .layers import Layers, visible_interactions
 from .legend import Legend
-from .palette import BLUE, FAINT, FLOOR, GOAL, INK, OTHER_ROBOT, ROBOT, Colour, hex_colour, mixed, shaded
+from .palette import BLUE, FAINT, FLOOR, GOAL, INK, OTHER_ROBOT, REGARD, ROBOT, Colour, hex_colour, mixed, shaded
 from .projection import Camera
 from .svg import SvgCanvas
 from .trails import human_tones
@@ -62,6 +62,7 @@ _COLOURS = {
     "intimateLine": mixed(FLOOR, INK, 0.3),
     "personalLine": mixed(FLOOR, INK, 0.22),
     "link": FAINT,
+    "regard": REGARD,
     "leaf": WOOD,
     "leafEdge": WOOD_EDGE,
     "ink": INK,

@@ -129,7 +129,7 @@ class Card:
         """The texts as lines that fit into a width, and their lower edge within the card, px."""
         above, title, lines, warning = self._texts
         parts = [(above, SMALL, FAINT), (title, LARGE, INK)]
-        parts += [(line, TEXT, FAINT) for line in lines] + [(warning, TEXT, VERMILLION)]
+        parts += [(line, TEXT, INK) for line in lines] + [(warning, TEXT, VERMILLION)]
         laid_out, y = [], self._px(_GAP)
         for words, points, colour in parts:
             size = text_size(points, self.scale)

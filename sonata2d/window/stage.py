@@ -13,15 +13,21 @@ import pygame_gui
 from pygame._sdl2 import controller
 
 from ..collect.texts import text
+from ..core.geometry import Disc
 from ..errors import RenderError, WindowError
+from ..view.brush import Brush
+from ..view.canvas import PixelCanvas
 from ..view.display import start_display
+from ..view.figures import draw_chassis
 from ..view.fonts import FAMILY
+from ..view.projection import Camera
 from ..view.stills import save_surface
 from .gui_fonts import provide_fonts
 from .widgets import text_size
 
 _REFERENCE = (1280, 800)  # px, size of a window at scale 1
 _FPS = 60
+_ICON = 64  # px
 _CTRL = pygame.KMOD_CTRL | pygame.KMOD_META
 _THEME = Path(__file__).with_name("theme.json")
 # Text sizes of widgets at scale 1, px. The "defaults" of a theme are colours only, so elements are named.
@@ -194,12 +200,21 @@ def fitting_size(desktop: tuple[int, int]) -> tuple[int, int]:
     return max(width, int(min(limits[0], _MIN_SIZE[0]))), max(height, int(min(limits[1], _MIN_SIZE[1])))
 
 
+def _icon() -> pygame.Surface:
+    """The robot as the icon of the window, which points up."""
+    surface = pygame.Surface((_ICON, _ICON), pygame.SRCALPHA)
+    camera = Camera(_ICON, -0.5, 0.5, surface.get_size())
+    draw_chassis(Brush(PixelCanvas(surface), camera).at((0.0, 0.0), (0.0, 1.0)), shape=Disc(0.46))
+    return surface
+
+
 def _open_display(title: str, size: tuple[int, int] | None) -> None:
     """Open the window; only pygame's display and fonts are started, not its sound."""
     try:
         start_display()
         pygame.font.init()
         pygame.display.set_caption(title)
+        pygame.display.set_icon(_icon())
         pygame.display.set_mode(size or fitting_size(pygame.display.get_desktop_sizes()[0]), pygame.RESIZABLE)
     except pygame.error as error:
         raise WindowError(

@@ -268,7 +268,8 @@ def test_a_legend_lists_each_activity_that_occurs_once(tmp_path, scene):
     few = replace(snapshot, humans=replace(snapshot.humans, activity_index=np.array([1, 1, 1, 3, 3, 1])))
     save_moment(tmp_path / "a.svg", few, layers=Layers(legend=True))
     assert legend_of(tmp_path / "a.svg") == [
-        "walking", "talking", "ignores the robot", "field of view", "robot", "goal", "interaction",
+        "walking", "talking", "ignores the robot", "field of view", "robot", "goal", "interaction of people",
+        "looks at a thing, or works at it",
     ]  # fmt: skip
 
 
@@ -283,7 +284,7 @@ def test_a_legend_explains_the_layers_that_are_drawn(tmp_path, scene, episode):
     save_moment(tmp_path / "a.svg", snapshot_at(scene), layers=layers, trails=Trails.of(episode))
     texts = legend_of(tmp_path / "a.svg")
     assert texts[-3:] == ["paths", "intimate space 0.45 m, personal 1.2 m", "shared space"]
-    assert not {"field of view", "interaction"} & {*texts}
+    assert not {"field of view", "interaction of people", "looks at a thing, or works at it"} & {*texts}
 
 
 def test_a_legend_explains_the_rings_on_the_path_and_the_rim_during_a_contact(tmp_path, scene, episode):

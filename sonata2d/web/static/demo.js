@@ -167,7 +167,7 @@ function report(words) { byId("problem").textContent = words; byId("problem").hi
 function showReadings() {
   if (!view || !drive.now || drive.run === null) return;
   const {time, speed, goal, nearest, touches, hasArrived} = drive.readings();
-  byId("hint").classList.toggle("above", drive.isGoalBelow);
+  byId("hint").classList.toggle("above", drive.isGoalBelow); byId("hint").classList.toggle("later", drive.isOverview);
   byId("time").textContent = `${fixed(time)} of ${Math.round(view.limit)} s`;
   byId("speed").textContent = `${fixed(speed)} m/s`;
   byId("goal").textContent = hasArrived ? "at the goal" : `goal: ${fixed(goal)} m`;

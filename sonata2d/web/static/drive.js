@@ -1,12 +1,15 @@
 // Driving: requests each tick from the server, and draws the states smoothly.
 
-import {SceneDrawing, fitted, stateBetween, toPixels} from "./drawing.js";
+import {SceneDrawing, cameraBetween, fitted, stateBetween, toPixels} from "./drawing.js";
 import {Input} from "./input.js";
 
 const MAX_TICKS = 3;          // requested for one picture, to catch up; further ticks are dropped and counted
 const MAX_UNANSWERED = 15;    // ticks without an answer before the run is paused
 const ZOOM_STEP = 1.25, MIN_ZOOM = .4, MAX_ZOOM = 3;
+const OVERVIEW = 1.2, APPROACH = .6;      // s: a run begins with the whole room, from which the picture moves to the robot
+const ZONED = 2;              // people whose personal space is drawn: in a crowd, all of them would cover the floor
 const OUTSIDE = "#e2e5e9";
+const isStill = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 export class Drive {
   /** `send` sends a message; `changed` is called when the status changes; `act` is called with actions of the page;
@@ -14,7 +17,7 @@ export class Drive {
   constructor(canvas, {send, changed, act, isBlocked, goalText, simulate = null}) {
     this.canvas = canvas; this.pen = canvas.getContext("2d"); this.send = send; this.changed = changed; this.isBlocked = isBlocked; this.goalText = goalText; this.simulate = simulate;
     this.input = new Input(canvas, (action, value) => this.perform(action) || act(action, value));
-    this.view = "follow"; this.zoom = 1; this.zones = false; this.changes = [];
+    this.view = "follow"; this.zoom = 1; this.zones = false; this.changes = []; this.overview = 0;
     this.status = "none"; this.run = null; this.states = new Map(); this.last = null; this.isSlow = false;
     requestAnimationFrame(now => this.frame(now));
   }
@@ -28,6 +31,7 @@ export class Drive {
       this.zoom = 1;
     }
     this.data = drive.scene; this.changes = drive.changes;
+    if (isNew && !drive.ticks) this.overview = isStill ? OVERVIEW : OVERVIEW + APPROACH;      // s that are left
     this.run = drive.run; this.states = new Map([[drive.ticks, drive.state]]);
     if (drive.ticks && drive.status === "driving") this.states.set(drive.ticks - 1, drive.before);
     this.sent = this.latest = this.confirmed = this.shown = drive.ticks;
@@ -177,13 +181,26 @@ export class Drive {
     const {width, height} = fitted(this.canvas);
     if (!width || !height) return;
     const now = this.now = this.moment(seconds);
-    const camera = this.drawing.cameraOf(this.view, now, width, height, this.zoom);
+    const camera = this.camera(now, width, height, seconds);
     const tint = {waiting: "rgba(0,158,115,.09)", ended: "rgba(213,94,0,.09)"}[this.status];
-    this.drawing.draw(this.pen, camera, now, {layers: {zones: this.zones}, outside: OUTSIDE, finish: pen => {
+    this.drawing.draw(this.pen, camera, now, {layers: {zones: this.zones && ZONED}, outside: OUTSIDE, finish: pen => {
       this.drawGoalArrow(pen, camera, now);
       if (tint) { pen.fillStyle = tint; pen.fillRect(0, 0, width, height); }
       this.drawStick(pen);
     }});
+  }
+
+  /** Whether the picture shows the whole room, before it moves to the robot: nothing should cover a part of it. */
+  get isOverview() { return this.overview > APPROACH && this.view !== "top"; }
+
+  /** The camera of the present view; at first the whole room, until the picture has moved to the robot or it drives. */
+  camera(now, width, height, seconds) {
+    const camera = this.drawing.cameraOf(this.view, now, width, height, this.zoom);
+    if (this.status !== "waiting") this.overview = 0;
+    if (this.overview <= 0 || this.view === "top") return camera;
+    this.overview -= seconds;
+    const whole = this.drawing.cameraOf("top", now, width, height), s = isStill ? 0 : 1 - Math.min(Math.max(this.overview / APPROACH, 0), 1);
+    return cameraBetween(whole, camera, now.robot, s * s * (3 - 2 * s));
   }
 
   /** An arrow at the edge towards a goal outside the picture, with the distance. */

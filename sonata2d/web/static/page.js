@@ -131,7 +131,7 @@ function showMissing() {
   stepOnShow = null;
   return true;
 }
-addEventListener("resize", () => { if (view && data.requires.width) show(view); });
+addEventListener("resize", () => { if (view && data.requires.width) show(view); else showDriving(); });
 
 function showFrame() {
   const [done, total] = view.progress, [kept, runs] = view.runs;
@@ -215,6 +215,9 @@ function saveText(step) {
 
 // ---- driving
 
+const CHANGES = [["view", "view", "keys.camera"], ["zones", "zones", "keys.zones"], ["zoom", "zoomIn", "action.zoom_in"], ["zoom", "zoomOut", "action.zoom_out"]];
+const isNarrow = () => Math.min(innerWidth, innerHeight) <= 560;
+let isUnfolded = false;
 const SIGNS = {waiting: "○", driving: "●", paused: "❚❚", pausing: "❚❚", ended: "■", lost: "!"};
 const WORDS = {waiting: "readings.waiting", driving: "readings.recording", paused: "readings.paused", pausing: "readings.paused", ended: "readings.frozen", lost: "readings.paused"};
 
@@ -233,9 +236,10 @@ function showDriving(isNew = false) {
   if (status === "driving") { add("action.pause", () => drive.pause()); add("keys.end_run", () => drive.stop()); }
   if (status === "paused" && !drive.isStudyPaused) { add("menu.continue", () => drive.start(), {class: "primary"}); add("keys.end_run", () => drive.stop(), {"data-sends": true}); }
   if (status === "waiting" && view.canUndo) add("menu.undo", () => send({type: "undo"}), {"data-sends": true});
-  for (const [change, action, key] of [["view", "view", "keys.camera"], ["zones", "zones", "keys.zones"], ["zoom", "zoomIn", "action.zoom_in"], ["zoom", "zoomOut", "action.zoom_out"]]) {
-    if (run.changes.includes(change) && status !== "ended") add(key, () => { drive.perform(action); focusPicture(); });
-  }
+  // On a phone, the buttons of the picture would leave little room for it: one button shows them.
+  const changes = status === "ended" ? [] : CHANGES.filter(([change]) => run.changes.includes(change)), isFolded = isNarrow() && changes.length > 1;
+  if (isFolded) add("web.view", () => { isUnfolded = !isUnfolded; showDriving(); }, {"aria-expanded": String(isUnfolded)});
+  if (!isFolded || isUnfolded) for (const [, action, key] of changes) add(key, () => { drive.perform(action); focusPicture(); });
   add("keys.help", () => showHelp());
   const focused = document.activeElement.closest("#actions button");
   byId("actions").replaceChildren(...buttons);
@@ -348,7 +352,7 @@ function showFrameLabel(run, isNew) {
 function showReadings() {
   if (!view || !view.drive || !drive.now) return;
   const {time, speed, goal, nearest, touches, hasArrived} = drive.readings();
-  byId("hint").classList.toggle("above", drive.isGoalBelow);
+  byId("hint").classList.toggle("above", drive.isGoalBelow); byId("hint").classList.toggle("later", drive.isOverview);
   byId("time").textContent = t("web.time_of", {time: seconds(time), limit: Math.round(view.drive.limit)});
   byId("speed").textContent = t("readings.speed", {speed: seconds(speed)});
   byId("goal").textContent = hasArrived ? t("readings.arrived") : t("readings.goal", {distance: seconds(goal)});
