@@ -75,6 +75,7 @@ class ParticipantSession:
         self.round_trip: float | None = None
         self._recorded_trip: float | None = None
         self._is_predicted = False  # as recorded last in the present run
+        self._is_apart = False  # whether the page may have simulated ticks that the server refused
         self._shown_record: Any = participant.record
         self._shown_at = clock()
         self._allowance, self._filled = float(_BURST), clock()
@@ -139,7 +140,8 @@ class ParticipantSession:
         Args:
             problem: why the last message had no effect; empty if it had.
             kind: of the problem.
-            with_past: whether a page that simulates runs itself gets the ticks that the present run has.
+            with_past: whether a page that simulates runs itself gets the ticks that the present run has, because it may
+                have simulated others.
         """
         participant = self.participant
         if participant.session is not None:
@@ -160,7 +162,8 @@ class ParticipantSession:
         if participant.is_driving and participant.session is not None:
             view["drive"] = self._drive(participant.session)
             if self._predicts:
-                view["drive"]["follow"] = self._follow(participant.session, with_past=with_past)
+                view["drive"]["follow"] = self._follow(participant.session, with_past=with_past or self._is_apart)
+                self._is_apart = False
         # The run to rate is missing after the last one, and where no recorded run can be read.
         if participant.step.kind == "ratings" and participant.record is not None and participant.rating is not None:
             view["rating"] = self._rating(participant.record, participant.rating)
@@ -233,6 +236,7 @@ class ParticipantSession:
             return None
         # The answer says so, and the page stops its clock.
         if self._is_paused():
+            self._is_apart = True
             await asyncio.to_thread(_stand_still, session)
             return self._tick_answer(session, tick)
         # The page repeats it after an interruption of the connection.

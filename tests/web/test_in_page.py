@@ -171,11 +171,16 @@ class Both:
         self.study = StudyFolder(folder / "out", load_study(folder / "study.yaml"))
         self.study.add("p1")
         self.simulator, self.compared = PageSimulator(folder), 0
+        self.is_paused = False
         self.connect()
 
     def connect(self) -> Any:
         self.session = ParticipantSession(
-            Participant(self.study, "p1"), predicts=True, clock=lambda: 0.0, sleep=_no_sleep
+            Participant(self.study, "p1"),
+            is_paused=lambda: self.is_paused,
+            predicts=True,
+            clock=lambda: 0.0,
+            sleep=_no_sleep,
         )
         return self.send(type="hello", protocol=1)
 
@@ -220,6 +225,15 @@ def test_the_page_sees_what_the_server_simulates(tmp_path: Path) -> None:
     both.session.participant.close()  # the server starts again
     both.connect()
     both.tick(("right", 1.0))
+    both.is_paused = True  # by the researcher: the page has simulated a tick that the server refuses
+    number = both.drive["ticks"]
+    own = ask(both.simulator, type="tick", run=both.drive["run"], number=number, events=[])
+    assert own["ticks"] == number + 1
+    refused = both.send(type="tick", run=both.drive["run"], number=number)
+    assert (refused["ticks"], refused["isStudyPaused"]) == (number, True)
+    both.is_paused = False
+    both.send(type="pause", run=both.drive["run"])  # the page asks whether it goes on
+    both.tick(("up", 1.0))
     both.send(type="stop", run=both.drive["run"])
     both.send(type="redo", run=both.drive["run"])
     both.tick(("down", 1.0))

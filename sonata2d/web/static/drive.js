@@ -54,7 +54,8 @@ export class Drive {
     this.confirmed = Math.max(this.confirmed, answer.ticks);
     const own = this.own.get(answer.ticks);
     this.own.delete(answer.ticks);
-    if (own && own !== JSON.stringify(answer.state)) this.differ();
+    if (!own) this.isPredicted = false;      // the server was faster
+    else if (own !== JSON.stringify(answer.state)) this.differ();
     this.add(answer);
     this.update(answer);
   }
@@ -62,8 +63,8 @@ export class Drive {
   /** A tick that the page has simulated itself. The server's state of the same tick has to be the same. */
   foreseen(answer) {
     if (answer.run !== this.run || this.isDifferent || this.status !== "driving") return;
-    this.isPredicted = answer.ticks > this.confirmed;
-    if (!this.isPredicted) return;      // the server was faster
+    if (answer.ticks <= this.confirmed) return;
+    this.isPredicted = true;
     this.own.set(answer.ticks, JSON.stringify(answer.state));
     this.add(answer);
   }
