@@ -76,7 +76,7 @@ def out_of_turn(rng: random.Random, run: int) -> str:
     return json.dumps(
         rng.choice(
             [
-                {"type": "hello", "protocol": 1},
+                {"type": "hello", "protocol": 2},
                 {"type": "language", "language": rng.choice(["en", "xx"])},
                 {"type": "read", "step": rng.choice(["page-1", "run-1"])},
                 {"type": "answer", "step": "demographics", "values": {"age": value(rng), "remark": value(rng)}},
@@ -199,7 +199,7 @@ async def drive(url: str, stop: asyncio.Event) -> dict[str, Any]:
                 if answer["type"] != "error":
                     return answer
 
-        await ask(type="hello", protocol=1)
+        await ask(type="hello", protocol=2)
         await ask(type="read", step="page-1")
         view = await ask(type="answer", step="demographics", values={"age": 30})
         runs = 0

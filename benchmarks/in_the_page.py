@@ -181,9 +181,9 @@ def drive_once(
                 page.goto(link.replace(f":{port}/", f":{proxy.port}/"))
                 page.wait_for_selector("#status.waiting", timeout=90000)
                 if is_simulated:  # the simulator is ready
-                    while not page.evaluate("Boolean(window.isReady)"):
+                    while not page.evaluate("Boolean(drive.simulate) && !drive.isDifferent"):
                         page.wait_for_timeout(200)
-                begun = page.evaluate("window.drive.follow")
+                begun = page.evaluate("window.drive.begun")
                 scene = s2.generate(s2.ScenarioConfig(**begun["settings"]), begun["seed"], begun["episode"])
                 page.evaluate(DRIVER, _path(scene))
                 page.wait_for_selector("#card:not([hidden])", timeout=200000)
@@ -203,9 +203,7 @@ def _with_drive(route: Any) -> None:
       if (drive.isPredicted && !drive.states.has(answer.ticks)) drive.foreseenTicks++;
       add(answer); };
     const shown = drive.show.bind(drive);
-    drive.show = content => { drive.follow = content.follow && content.follow.beginning; shown(content); };
-    if (simulator) { const receive = simulator.receive; simulator.receive = answer => {
-      if (answer.type === "followed") window.isReady = true; receive(answer); }; }
+    drive.show = content => { drive.begun = content.follow && content.follow.beginning; shown(content); };
     """
     route.fulfill(response=response, body=response.text() + hook)
 

@@ -58,7 +58,7 @@ class Page:
             self.socket = socket
             self.inbox: deque[tuple[float, dict[str, Any]]] = deque()  # answers, and when they arrive
             receiving = asyncio.create_task(self._receive())
-            view = await self._ask(type="hello", protocol=1)
+            view = await self._ask(type="hello", protocol=2)
             while time.monotonic() < end:
                 view = await self._drive_run(view["drive"], end)
             receiving.cancel()

@@ -85,8 +85,9 @@ def _step_row(study: Study, step: Step) -> dict[str, Any]:
 @click.argument("file", type=PATH)
 @click.option("--host", default="127.0.0.1", help="Address to listen at.")
 @click.option("--port", type=click.IntRange(0, 65535), default=8765, help="0: a free one.")
+@click.option("--page", type=PATH, help="Folder of `sonata2d page`, as of `sonata2d serve`.")
 @json_option
-def preview(file: Path, host: str, port: int) -> None:
+def preview(file: Path, host: str, port: int, page: Path | None) -> None:
     """Try a study in a browser as a participant; every step can be skipped.
 
     Prints a link, and runs until Ctrl+C. What is collected is deleted then.
@@ -98,7 +99,7 @@ def preview(file: Path, host: str, port: int) -> None:
 
     study = load_study(file)
     with TemporaryDirectory(prefix="sonata2d-preview-") as folder:
-        settings = ServerSettings(host=host, port=port, participants=1, is_preview=True)
+        settings = ServerSettings(host=host, port=port, participants=1, is_preview=True, page=page)
         serve(StudyFolder(folder, study), settings, show_links)
     echo("stopped; the collected files are deleted", err=True)
 
@@ -111,8 +112,8 @@ def preview(file: Path, host: str, port: int) -> None:
 def results(out: Path, folder: Path, personal: bool) -> None:
     """Write the results of a study as tables.
 
-    FOLDER gets participants.csv, runs.csv, answers.csv, scores.csv (means of tables of statements, and of the parts of
-    published questionnaires) and ratings.csv.
+    FOLDER gets participants.csv, runs.csv, pages.csv, answers.csv, scores.csv (means of the parts of published
+    questionnaires, and of tables of statements with `score: true`) and ratings.csv.
     Answers about runs that were driven again are left out.
     """
     from sonata2d.core.wording import counted

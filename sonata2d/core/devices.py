@@ -25,7 +25,7 @@ class DeviceEvent:
 
     Attributes:
         device: `keyboard`, `mouse`, `touch`, `pad0`, `pad1`, ...; `label` for a label given while driving; `network`
-            for the delay of a browser.
+            for what a browser shows: `round_trip`, s, and whether its ticks are `predicted`.
         control: name of the key, button, stick or axis.
         value: its new value, -1 to 1.
 

@@ -15,6 +15,9 @@ _VERSION = 1  # of the events
 _TIME = "%Y-%m-%dT%H:%M:%SZ"  # of an event, UTC
 
 
+SCREENED, FULL = "screened out", "full"  # states of participants whose answers ended the study
+
+
 class WrongAnswerError(ValueError):
     """The answer to a question that has to be answered until it is right was another one."""
 
@@ -83,11 +86,13 @@ def time_of(event: Mapping[str, Any]) -> datetime:
 
 
 def state_of(events: Sequence[Mapping[str, Any]]) -> str:
-    """The state of a participant: `not begun`, `begun`, `declined`, `screened out` or `finished`."""
+    """The state of a participant: `not begun`, `begun`, `declined`, `screened out`, `full` or `finished`."""
     ends = [event["event"] for event in events if event["event"] in ("finished", "undone")]
     choices = [event["event"] for event in events if event["event"] in ("declined", "reconsidered", "consented")]
-    if any(event["event"] == "screened_out" for event in events):
-        return "screened out"
+    if (end := next((event["ends"] for event in events if "ends" in event), None)) is not None:
+        return str(end)
+    if any(event["event"] == "screened_out" for event in events):  # as it was stored by 0.4.0.dev
+        return SCREENED
     if ends[-1:] == ["finished"]:  # a run that is taken back makes a finished study unfinished
         return "finished"
     return "declined" if choices[-1:] == ["declined"] else "begun" if events else "not begun"

@@ -226,7 +226,7 @@ class StudyConfig(Settings):
         end: questions at the end.
         thanks: the last page.
         minimum_length: shortest run that can be kept, s.
-        minimum_distance: shortest way of the robot in a run that can be kept, m.
+        minimum_distance: shortest way of the robot in a run that can be kept, m; less than from start to goal.
         must_reach_goal: whether only runs that reach the goal can be kept. Participants are told these three before.
         view: camera of the runs at first, `follow` or `top`.
         changes: what participants may change: `view`, `zoom`, `zones` (drawing of personal space).
@@ -277,7 +277,7 @@ class StudyConfig(Settings):
         if not (self.runs or self.ratings):
             raise setting_error("a study has runs, ratings or both", "runs")
         for section, entries in self.questionnaires().items():
-            require_distinct("questions", entries, section)
+            require_distinct("questions", entries, *section.split("."))
         self._check_quota()
         require_distinct("blocks of ratings", self.ratings, "ratings")
         for k, block in enumerate(self.runs):

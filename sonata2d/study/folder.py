@@ -11,6 +11,7 @@ import threading
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from copy import deepcopy
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -51,7 +52,6 @@ class StudyFolder:
         participants: ids of the participants, in the order of their arrival.
         withdrawn: ids of the participants who have withdrawn, and whose data are deleted.
         rows: of the Latin square, by participant; of those without one, the row follows from the order of arrival.
-        strata: number of the answer to the question of the quota, from 0, by participant.
 
     Raises:
         ConfigError: the folder belongs to a study with other steps, scenes or questions.
@@ -63,15 +63,15 @@ class StudyFolder:
         self.participants: list[str] = []
         self.withdrawn: list[str] = []
         self.rows: dict[str, int] = {}
-        self.strata: dict[str, int] = {}
         self._versions: list[str] = []
         state = self.out / STUDY / _STATE
         structure = _structure_of(study)
         _make_folders(self.out)
         stored = _read_state(state) if state.exists() else None
-        if stored is not None and _without_absent(stored["structure"]) != structure:
+        if stored is not None and _compared(stored["structure"]) != _compared(structure):
             if stored["participants"]:
-                people, change = len(stored["participants"]), _difference(stored["structure"], structure)
+                former, present = _compared(stored["structure"]), _compared(structure)
+                people, change = len(stored["participants"]), _difference(former, present)
                 raise ConfigError(
                     f"{self.out} belongs to another study, or to an earlier version of it"
                     f" ({counted(people, 'participant')}): {change};"
@@ -81,7 +81,7 @@ class StudyFolder:
             stored = None
         if stored is not None:
             self.participants, self._versions = stored["participants"], stored["versions"]
-            self.withdrawn, self.rows, self.strata = stored["withdrawn"], stored["rows"], stored["strata"]
+            self.withdrawn, self.rows = stored["withdrawn"], stored["rows"]
         self._structure, self._adding = structure, threading.RLock()
         self._by_external: dict[str, str] = {}  # participant by the first id of a panel
         for id in self.present if study.config.recruitment is not None else ():
@@ -176,15 +176,15 @@ class StudyFolder:
                 self._by_external[key] = id
             return id
 
-    def admit(self, participant: str, stratum: int) -> bool:
-        """Give a participant one of the places of the quota, and the least used row among those with the same answer.
+    @contextmanager
+    def admission(self, participant: str, answer: Any) -> Iterator[bool]:
+        """Whether a participant gets one of the places of the quota, with the least used row among the same answers.
+
+        The answer has to be stored within the context: until then, others who give it wait.
 
         Args:
             participant: who has not driven yet.
-            stratum: number of the answer to the question of the quota, from 0.
-
-        Returns:
-            Whether there was a place.
+            answer: to the question of the quota, as it is stored.
 
         Raises:
             RecordError: the folder cannot be written.
@@ -192,20 +192,31 @@ class StudyFolder:
         quota = self.study.config.quota
         assert quota is not None
         with self._adding:
-            others = {id: k for id, k in self._places().items() if self.strata.get(id) == stratum and id != participant}
-            if len(others) >= quota.places[stratum]:
-                return False
-            former = dict(self.rows)
-            self.strata[participant] = stratum
+            others = {
+                id: k
+                for id, k in self._places().items()
+                if id != participant and self._answer_of(id, quota.question) == answer
+            }
+            if len(others) >= quota.places[int(answer) if isinstance(answer, bool) else answer - 1]:
+                yield False
+                return
             if rows_of(self.study.config) > 1:
-                self.rows[participant] = self._least_used(others)
-            try:
-                self._write_state()
-            except RecordError:
-                self.rows = former
-                del self.strata[participant]
-                raise
-            return True
+                former, self.rows[participant] = self.rows.get(participant), self._least_used(others)
+                try:
+                    self._write_state()
+                except RecordError:
+                    self.rows |= {} if former is None else {participant: former}
+                    raise
+            yield True
+
+    def _answer_of(self, participant: str, question: str) -> Any:
+        """The last answer of a participant to a demographic question; None without one.
+
+        It is read where it is stored, which is among the personal answers by default, and kept nowhere else.
+        """
+        lines = [*read_answers(self.answers_of(participant)), *read_answers(self.personal_of(participant))]
+        answers = [line["values"] for line in lines if line.get("step") == "demographics" and "values" in line]
+        return next((values[question] for values in reversed(answers) if question in values), None)
 
     def _least_used(self, participants: Mapping[str, int]) -> int:
         """The row that the fewest of some participants have; given their numbers."""
@@ -225,7 +236,7 @@ class StudyFolder:
             is_away = False
             if state == "begun" and minutes is not None:
                 is_away = datetime.now(UTC) - time_of(events[-1]) > timedelta(minutes=minutes)
-            if state not in ("declined", "screened out") and not is_away:
+            if state not in ("declined", "screened out", "full") and not is_away:
                 places[id] = k
         return places
 
@@ -291,7 +302,6 @@ class StudyFolder:
             "participants": self.participants,
             "withdrawn": self.withdrawn,
             "rows": self.rows,
-            "strata": self.strata,
         }
         write_state(self.out, {"structure": self._structure} | lists)
 
@@ -379,8 +389,17 @@ def _structure_of(study: Study) -> dict[str, Any]:
     return _without_absent(structure)
 
 
+def _compared(structure: dict[str, Any]) -> dict[str, Any]:
+    """The part of a structure that must not change: without scores, which are computed anew from the answers."""
+    structure = _without_absent(structure)
+    for entry in _entries(structure["config"]):
+        entry.pop("score", None)
+    return structure
+
+
 def _without_absent(structure: dict[str, Any]) -> dict[str, Any]:
     """A structure without settings that do nothing, which studies from before these settings lack."""
+    structure = deepcopy(structure)
     config = structure["config"]
     practice = config["practice"] or {}
     for settings in (config, practice, *_entries(config), *(block["question"] for block in config["ratings"])):
@@ -427,6 +446,6 @@ def _read_state(path: Path) -> dict[str, Any]:
         if not all(isinstance(state[key], list) for key in ("participants", "versions", "withdrawn")):
             raise TypeError("participants, versions and withdrawn are lists")
         stored = {key: state[key] for key in ("structure", "versions", "participants", "withdrawn")}
-        return stored | {key: dict(state.get(key, {})) for key in ("rows", "strata")}
+        return stored | {"rows": dict(state.get("rows", {}))}
     except (KeyError, TypeError, ValueError) as error:
         raise RecordError(f"{path} is damaged: {error}") from error

@@ -155,6 +155,14 @@ def load_study(path: str | Path) -> Study:
             f"{path.name}{line_of(path, ['minimum_length'])}: minimum_length is {config.minimum_length:g} s, but the"
             f" runs of a scenario end after {longest:g} s"
         )
+    for scenario in scenarios:
+        limits = scenario.robot.limits
+        farthest = scenario.rules.time_limit * max(limits.ahead, limits.back, limits.sideways)
+        if config.minimum_distance > farthest:
+            raise ConfigError(
+                f"{path.name}{line_of(path, ['minimum_distance'])}: minimum_distance is {config.minimum_distance:g} m,"
+                f" but the robot of {scenario.name} goes {farthest:g} m at most in the time of a run"
+            )
     practice = None
     if config.practice is not None:
         practice = resolved(_scenario, path, config.practice.scenario, keys=["practice", "scenario"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from ..collect.rating import RatingSession, ratings_of
 from ..collect.session import Session
 from ..record.record import EpisodeRecord
 from ..scenegen.scenario.config import ScenarioConfig
-from .answers import AnswerLog, WrongAnswerError, checked_answers, event_time
+from .answers import FULL, SCREENED, AnswerLog, WrongAnswerError, checked_answers, event_time
 from .folder import StudyFolder, external_ids
 from .plan import Step
 from .progress import Progress
@@ -195,28 +195,25 @@ class Participant(Progress):
         facts: dict[str, Any] = {"event": "answers", "step": step}
         if present.run is not None:
             facts["file"] = self._file_of_run(present.run)
-        stratum = self._stratum(step, answers)
         checks = [entry for entry in present.entries if isinstance(entry, Question) and entry.right is not None]
         wrong = [entry for entry in checks if answers.get(entry.name) != entry.check(entry.right)]
         if wrong:
             facts["wrong"] = [entry.name for entry in wrong]
-        if any(entry.until_right for entry in wrong):
+        is_out = any(entry.screen_out for entry in wrong)
+        if any(entry.until_right for entry in wrong) and not is_out:
             self._require_room()
             self._append(event="wrong", step=step, wrong=facts["wrong"])
             raise WrongAnswerError("not all answers are right")
-        secret = {name: value for name, value in answers.items() if name in personal}
-        if secret:
-            self._personal.append(time=self._time(), **facts, values=secret)
-        values = {name: value for name, value in answers.items() if name not in personal}
-        self._append(**facts, values=values, language=self.language, seconds=self._seconds())
+        quota = self.study.config.quota
+        if is_out:
+            facts["ends"] = SCREENED
+        if quota is None or step != "demographics" or is_out:
+            self._store_answers(facts, answers, personal)
+        else:
+            with self._folder.admission(self.id, answers[quota.question]) as is_admitted:
+                self._store_answers(facts if is_admitted else facts | {"ends": FULL}, answers, personal)
+            self._take_row(self._folder.rows.get(self.id))
         self._may_undo = self._may_undo and present.run is not None
-        if any(entry.screen_out for entry in wrong):
-            self._append(event="screened_out", step=step)
-        elif stratum is not None:
-            if self._folder.admit(self.id, stratum):
-                self._take_row(self._folder.rows.get(self.id))
-            else:
-                self._append(event="screened_out", step=step, full=True)
         self.resume()
 
     def keep(self, label: Any = None) -> Path:
@@ -365,13 +362,13 @@ class Participant(Progress):
 
     # Internals
 
-    def _stratum(self, step: str, answers: Mapping[str, Any]) -> int | None:
-        """Number of the answer to the question of the quota, from 0; None if it is not among the answers."""
-        quota = self.study.config.quota
-        if quota is None or step != "demographics":
-            return None
-        answer = answers[quota.question]
-        return int(answer) if isinstance(answer, bool) else answer - 1
+    def _store_answers(self, facts: dict[str, Any], answers: Mapping[str, Any], personal: Container[str]) -> None:
+        """Store the answers to the questions of a page, the personal ones apart."""
+        secret = {name: value for name, value in answers.items() if name in personal}
+        if secret:
+            self._personal.append(time=self._time(), **facts, values=secret)
+        values = {name: value for name, value in answers.items() if name not in personal}
+        self._append(**facts, values=values, language=self.language, seconds=self._seconds())
 
     def _log_kept_runs(self) -> None:
         """Store the events of kept runs that have none: the program may end between a run's file and its event."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..datasets.manifest import MANIFEST, read_manifest
 from ..errors import RecordError
-from .answers import read_answers
+from .answers import FULL, read_answers
 from .folder import StudyFolder
 from .load import Study
 from .plan import SCREENED_OUT, Step, condition_of, steps_of
@@ -122,11 +122,13 @@ class Progress:
             self._asked[step] = event["file"]
         elif kind in ("done", "answers", "consented"):
             self._done.add(step)
+            if (end := event.get("ends")) is not None:
+                self.is_screened_out, self.is_full = True, end == FULL
         # The manifest says which runs are kept; the event is stored once for each file.
         elif kind == "kept":
             self._logged.add(event["file"])
         elif kind == "screened_out":
-            self.is_screened_out, self.is_full = True, event.get("full", False)
+            self.is_screened_out = True
         elif kind == "skipped":
             self._skipped.add(step)
         elif kind == "replaced":

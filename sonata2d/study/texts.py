@@ -120,18 +120,18 @@ def no_text(name: object) -> PydanticCustomError:
     return setting_error(f"{name!r} has no text; a text with a comma needs quotes within braces")
 
 
-def require_distinct(things: str, settings: Sequence[Any], section: str) -> None:
+def require_distinct(things: str, settings: Sequence[Any], *section: str) -> None:
     """Require different names.
 
     Args:
         things: plural of the things that have the names, for the message.
         settings: settings with a `name`.
-        section: key of the settings.
+        section: keys that lead to the settings.
     """
     names = [item.name for item in settings]
     for k, name in enumerate(names):
         if name in names[:k]:
-            raise setting_error(f"two {things} have the name {name!r}", section, k, "name")
+            raise setting_error(f"two {things} have the name {name!r}", *section, k, "name")
 
 
 def _require_name(name: str) -> str:

@@ -14,7 +14,7 @@ from ..core.devices import DeviceEvent
 from ..core.files.limits import MAX_ID
 from ..core.wording import one_line
 
-PROTOCOL = 1
+PROTOCOL = 2
 MAX_MESSAGE = 65_536  # bytes
 _MAX_EVENTS = 64  # of one tick: each control at most once
 REFUSED, FAILED, WRONG = "refused", "failed", "wrong"  # kinds of problems: of the message, the server, an answer

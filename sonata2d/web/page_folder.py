@@ -88,10 +88,10 @@ def read_page(folder: Path) -> dict[str, bytes]:
         ConfigError: it is no such folder, or it simulates something else than this installation.
     """
     try:
-        content = {
-            path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()
-        }
-        packages = json.loads(content[f"pyodide/{_LOCK}"])["packages"]
+        packages = json.loads((folder / "pyodide" / _LOCK).read_bytes())["packages"]
+        names = [f"pyodide/{name}" for name in (*_CORE, _LOCK, *(entry["file_name"] for entry in packages.values()))]
+        # nothing else that is in the folder is served
+        content = {name: (folder / name).read_bytes() for name in (*names, *_STATIC, "drawing.js", "sonata2d.zip")}
         engine, archive = packages[_ENGINE]["version"], _checksums(content["sonata2d.zip"])
     except (OSError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
         raise ConfigError(
@@ -155,6 +155,8 @@ class _Distribution:
         self._source = source if "://" in source else Path(source).resolve().as_uri()
         self._source, self._index, self._advance = self._source.rstrip("/") + "/", index.rstrip("/") + "/", advance
         self._wheels = {_package(path.name): path for path in sorted(wheels.glob("*.whl"))} if wheels else {}
+        if wheels and not self._wheels:
+            raise ConfigError(f"{wheels} has no wheels (.whl)")
         try:
             self._lock = json.loads(self._read(_LOCK))
             self._known, self._info = dict(self._lock["packages"]), dict(self._lock["info"])
@@ -182,6 +184,12 @@ class _Distribution:
         """The entry of a package in the list, and its wheel."""
         if name in self._wheels:
             data = self._wheels[name].read_bytes()
+            number, installed = self._wheels[name].name.split("-")[1], version(_ENGINE)
+            if name == _ENGINE and number != installed:
+                raise ConfigError(
+                    f"{self._wheels[name]} is {_ENGINE} {number}, and {installed} is installed here; both have to "
+                    "be of one version, so that the page simulates what this installation simulates"
+                )
             return _entry(name, self._wheels[name].name, data, self._known.get(name)), data
         if name in self._known:
             entry = self._known[name]

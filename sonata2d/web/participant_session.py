@@ -89,7 +89,10 @@ class ParticipantSession:
         with self._counting:  # the thread of the researcher's page reads it too
             if present != self._counted:
                 self._counted, self._run, self._recorded_trip = present, self._run + 1, None
-                self._is_predicted = False
+                # A run that is taken up again goes on with what was recorded last.
+                events = [event for tick in session.past_events for event in tick] if session else []
+                predicted = [event.value for event in events if event.control == PREDICTED]
+                self._is_predicted = predicted[-1:] == [1.0]
             return self._run
 
     @property

@@ -154,6 +154,7 @@ class StudyServer:
             return self._not_found(request)
         media_type = _SIMULATOR.get(name.rpartition(".")[2], "application/octet-stream")
         headers = {"Cache-Control": "public, max-age=31536000, immutable", "Content-Security-Policy": _SIMULATOR_POLICY}
+        headers["Vary"] = "Accept-Encoding"
         content = self._simulator[name]
         if "gzip" in request.headers.get("accept-encoding", "") and not name.endswith((".whl", ".zip")):
             content = await run_in_threadpool(_compressed, content)

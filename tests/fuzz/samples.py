@@ -138,7 +138,7 @@ def make_samples(folder: Path) -> None:
 
 
 MESSAGES: list[dict[str, Any]] = [
-    {"type": "hello", "protocol": 1, "languages": ["de", "en-GB"]},
+    {"type": "hello", "protocol": 2, "languages": ["de", "en-GB"]},
     {"type": "language", "language": "de"},
     {"type": "undo"},
     {"type": "answer", "step": "1", "values": {"age": 30, "felt": {"easy": 3}}},

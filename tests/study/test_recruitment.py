@@ -16,6 +16,7 @@ from sonata2d.study.content import step_content, way_back
 from sonata2d.study.folder import StudyFolder
 from sonata2d.study.load import load_study
 from sonata2d.study.participant import Participant
+from sonata2d.study.removal import remove_participant
 from sonata2d.study.report import _flags, results_of, save_results
 
 from .conftest import ROOM, STUDY, drive, prepare, take_part
@@ -391,7 +392,11 @@ def test_forty_participants_by_answer_and_condition_with_some_who_leave(doors: S
     assert Counter(kept.values()) == {0: 12, 1: 6}
     assert full > 5
     again = StudyFolder(tmp_path / "quota", load_study(tmp_path / "doors.yaml"))
-    assert (again.rows, again.strata) == (folder.rows, folder.strata)
+    assert again.rows == folder.rows
+    stored = json.loads((tmp_path / "quota" / "study" / "study.json").read_text())
+    assert "strata" not in stored  # answers are stored in one place only, which exports leave out
+    states = Counter(row["state"] for row in results_of(tmp_path / "quota")["participants"])
+    assert states["full"] == full
     conditions = {row["participant"]: row["condition"] for row in results_of(tmp_path / "quota")["participants"]}
     counts = Counter((stratum, conditions[id]) for id, stratum in kept.items())
     assert counts == {(0, name): 4 for name in ("0: room", "1: wide", "2: dark")} | {
@@ -438,3 +443,61 @@ def test_a_study_that_began_before_a_setting_existed_goes_on(study_file: Path, t
     end[0] |= {"screen_out": False}  # as of 0.4.0.dev, which stored it
     path.write_text(json.dumps(state))
     assert StudyFolder(tmp_path / "out", load_study(study_file)).participants == ["p1"]
+
+
+def test_a_person_who_withdraws_leaves_a_place_and_no_answer(doors: StudyFolder, tmp_path: Path) -> None:
+    (tmp_path / "doors.yaml").write_text(QUOTA.replace("[12, 6]", "[12, 1]"))
+    folder = StudyFolder(tmp_path / "quota", load_study(tmp_path / "doors.yaml"))
+
+    def arrive() -> str:
+        id = folder.recruit({})
+        assert id is not None
+        participant = Participant(folder, id)
+        participant.consent("consent", [])
+        participant.answer("demographics", {"gender": 2})
+        participant.close()
+        return participant.step.kind
+
+    assert [arrive(), arrive()] == ["run", "screened"]
+    remove_participant(tmp_path / "quota", "p001")
+    folder = StudyFolder(tmp_path / "quota", load_study(tmp_path / "doors.yaml"))
+    assert arrive() == "run"
+    files = [path.read_text() for path in (tmp_path / "quota" / "study").rglob("*.json*")]
+    assert not any('"p001": 1' in text for text in files)
+
+
+def test_a_wrong_answer_that_ends_the_study_is_not_asked_for_again(tmp_path: Path) -> None:
+    (tmp_path / "both.yaml").write_text(CHECKS.replace("right: 3", "right: 3, until_right: true"))
+    participant = Participant(StudyFolder(tmp_path / "out", load_study(tmp_path / "both.yaml")), "p1")
+    participant.answer("demographics", {"attention": 1, "task": False})
+    assert participant.step.kind == "screened"
+    participant.close()
+
+
+def test_scores_can_be_asked_for_while_a_study_runs(study_file: Path, tmp_path: Path) -> None:
+    table = "  - {name: felt, kind: likert, question: Q, items: {a: A, b: B}}\n"
+    study_file.write_text(STUDY.replace("end:\n", "end:\n" + table))
+    StudyFolder(tmp_path / "out", load_study(study_file)).add("p1")
+    study_file.write_text(STUDY.replace("end:\n", "end:\n" + table.replace("}}", "}, score: true}")))
+    StudyFolder(tmp_path / "out", load_study(study_file))
+    state = json.loads((tmp_path / "out" / "study" / "study.json").read_text())
+    assert state["structure"]["config"]["end"][0]["score"] is True
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (
+            RULES.replace("minimum_distance: 0.4", "minimum_distance: 1000"),
+            "minimum_distance is 1000 m, but the robot of",
+        ),
+        (
+            RULES.replace("until_right: true}]", "until_right: true}, {name: task, kind: text, question: Q}]"),
+            r"practice.check.1.name: two questions have the name 'task'",
+        ),
+    ],
+)
+def test_rules_that_cannot_be_met_are_refused(tmp_path: Path, text: str, problem: str) -> None:
+    (tmp_path / "rules.yaml").write_text(text)
+    with pytest.raises(ConfigError, match=problem):
+        load_study(tmp_path / "rules.yaml")

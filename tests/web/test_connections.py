@@ -52,7 +52,7 @@ def test_a_page_that_reads_nothing_keeps_nobody_out(served: Served) -> None:
             raw.sendall(frame(b'{"type":"hello","protocol":1}') * 10)
     began = time.monotonic()
     with client_of(link) as client:
-        assert client.ask(type="hello", protocol=1)["type"] == "view"
+        assert client.ask(type="hello", protocol=2)["type"] == "view"
         assert time.monotonic() - began < 5.0
         assert served.server._open <= 2
     for _ in range(5):
@@ -147,7 +147,7 @@ def test_a_page_of_the_announced_address_may_connect(study_folder: Path, caplog:
     try:
         link = served.link()
         with client_of(link, origin="https://study.example.org") as client:
-            assert client.ask(type="hello", protocol=1)["type"] == "view"
+            assert client.ask(type="hello", protocol=2)["type"] == "view"
         for _ in range(2):
             with pytest.raises(Exception, match="403"), client_of(link, origin="https://evil.example"):
                 pass
@@ -234,7 +234,7 @@ def test_a_run_that_cannot_be_continued_is_announced(served: Served) -> None:
         drive = client.prepare()["drive"]
         assert (drive["isRestarted"], drive["ticks"]) == (True, 0)
         client.tick(drive["run"], 0)
-        assert client.ask(type="hello", protocol=1)["drive"]["isRestarted"] is False
+        assert client.ask(type="hello", protocol=2)["drive"]["isRestarted"] is False
 
 
 def test_participants_see_no_paths_of_the_server(
@@ -244,7 +244,7 @@ def test_participants_see_no_paths_of_the_server(
         raise RecordError(f"{served.out} cannot be written: No space left on device")
 
     with client_of(served.link()) as client:
-        client.ask(type="hello", protocol=1)
+        client.ask(type="hello", protocol=2)
         monkeypatch.setattr(Participant, "read", fail)
         view = client.ask(type="read", step="page-1")
         assert (view["problemKind"], str(served.out) in view["problem"]) == ("failed", False)

@@ -52,7 +52,7 @@ class Cheat:
         study = StudyFolder(self.out, load_study(folder / "study.yaml"))
         participant = Participant(study, "p1", now=self._now)
         self.session = ParticipantSession(participant, clock=lambda: self.clock, sleep=self._sleep)
-        self.view = self.ask(type="hello", protocol=1)
+        self.view = self.ask(type="hello", protocol=2)
 
     def _now(self) -> datetime:
         return datetime(2026, 1, 1, tzinfo=UTC) + timedelta(seconds=self.clock)

@@ -182,7 +182,7 @@ class Both:
             clock=lambda: 0.0,
             sleep=_no_sleep,
         )
-        return self.send(type="hello", protocol=1)
+        return self.send(type="hello", protocol=2)
 
     def send(self, **message: Any) -> Any:
         answer = answered(self.session, message)
@@ -209,7 +209,7 @@ async def _no_sleep(seconds: float) -> None: ...
 
 def test_the_page_sees_what_the_server_simulates(tmp_path: Path) -> None:
     both = Both(tmp_path)
-    step = both.send(type="hello", protocol=1)["step"]
+    step = both.send(type="hello", protocol=2)["step"]
     if step["kind"] == "page":
         both.send(type="read", step=step["id"])
     for _ in range(8):
@@ -218,9 +218,9 @@ def test_the_page_sees_what_the_server_simulates(tmp_path: Path) -> None:
     for _ in range(9):
         answer = both.tick()
     assert answer["state"]["robot"][5] == 0.0
-    both.send(type="hello", protocol=1)  # a new page, which gets the past ticks
+    both.send(type="hello", protocol=2)  # a new page, which gets the past ticks
     both.simulator = PageSimulator(tmp_path)
-    both.send(type="hello", protocol=1)
+    both.send(type="hello", protocol=2)
     both.tick(("up", 1.0))
     both.session.participant.close()  # the server starts again
     both.connect()
@@ -254,6 +254,6 @@ def test_a_page_of_a_server_without_the_simulator_gets_no_run_to_follow(tmp_path
     both = Both(tmp_path)
     both.session.participant.close()
     session = ParticipantSession(Participant(both.study, "p1"), clock=lambda: 0.0, sleep=_no_sleep)
-    view = answered(session, {"type": "hello", "protocol": 1})
+    view = answered(session, {"type": "hello", "protocol": 2})
     assert "follow" not in view.get("drive", {})
     session.participant.close()

@@ -67,6 +67,11 @@ def test_what_cannot_be_read_is_named(tmp_path: Path, distribution: Path, site: 
 
     assert "nowhere/pyodide-lock.json cannot be read" in refused(tmp_path / "nowhere")
     assert "simply/pymunk/ cannot be read: File not found" in refused(index=f"{site}simply")
+    wheels = tmp_path / "old"
+    wheels.mkdir()
+    (wheels / f"pymunk-7.0-{WHEEL_TAG}.whl").write_bytes(b"")
+    with pytest.raises(ConfigError, match=r"is pymunk 7\.0, and .* is installed here"):
+        write_page(out, str(distribution), wheels=wheels)
     list_engine(tmp_path, "1.0")
     assert f"no wheel of pymunk {version('pymunk')} for pyemscripten_2026_0_wasm32" in refused()
     list_engine(tmp_path, version("pymunk"))
@@ -78,6 +83,8 @@ def test_what_cannot_be_read_is_named(tmp_path: Path, distribution: Path, site: 
     assert "lists no package orjson; --wheels names a folder" in refused()
     (distribution / "pyodide-lock.json").write_text("<html>")
     assert "is not the list of a distribution of Pyodide" in refused()
+    with pytest.raises(ConfigError, match="has no wheels"):
+        write_page(out, str(distribution), wheels=tmp_path / "none")
 
 
 def test_the_command_writes_a_page(tmp_path: Path, distribution: Path, site: str, monkeypatch: Any) -> None:
@@ -90,7 +97,11 @@ def test_the_command_writes_a_page(tmp_path: Path, distribution: Path, site: str
 
 
 def test_a_page_of_another_version_is_refused(tmp_path: Path, page: Path, monkeypatch: Any) -> None:
-    assert "worker.js" in read_page(page)
+    (page / "private").mkdir()
+    (page / "private" / "links.json").write_text("{}")
+    content = read_page(page)
+    assert "worker.js" in content
+    assert not any("links" in name for name in content)  # only files of the page are served
     with pytest.raises(ConfigError, match="is no page of the simulator"):
         read_page(tmp_path)
     lock = (page / "pyodide/pyodide-lock.json").read_text()

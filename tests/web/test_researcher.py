@@ -49,7 +49,7 @@ def test_only_the_researcher_sees_the_page(served: Served) -> None:
             client.receive()
     assert fetch(page_of(served))[0] == 200
     with client_of(page_of(served)) as client:  # a message of participants
-        assert client.ask(type="hello", protocol=1)["type"] == "error"
+        assert client.ask(type="hello", protocol=2)["type"] == "error"
 
 
 def test_progress_of_participants(served: Served) -> None:
@@ -198,7 +198,7 @@ def test_steps_of_a_preview_can_be_skipped(browser: Any, study_folder: Path) -> 
 
 def test_steps_of_a_study_cannot_be_skipped(served: Served) -> None:
     with client_of(served.link()) as client:
-        view = client.ask(type="hello", protocol=1)
+        view = client.ask(type="hello", protocol=2)
         assert view["isPreview"] is False
         skipped = client.ask(type="skip", step="page-1")
         assert (skipped["step"]["id"], skipped["problem"]) == ("page-1", "steps can be skipped in a preview only")

@@ -47,7 +47,7 @@ class Client:
 
     def prepare(self) -> dict[str, Any]:
         """Go on to the practice; returns what the page shows."""
-        view = self.ask(type="hello", protocol=1)
+        view = self.ask(type="hello", protocol=2)
         if view["step"]["kind"] == "page":
             self.ask(type="read", step="page-1")
             self.ask(type="consent", step="consent", ticked=[True])
@@ -223,7 +223,7 @@ def test_a_connection_without_a_request_is_closed(served: Served, monkeypatch: p
         for link in (silent, half):
             assert link.recv(1) == b""
             link.close()
-        assert client.ask(type="hello", protocol=1)["type"] == "view"  # a page may be silent for longer
+        assert client.ask(type="hello", protocol=2)["type"] == "view"  # a page may be silent for longer
 
 
 def test_a_damaged_file_is_named_to_the_researcher(served: Served) -> None:

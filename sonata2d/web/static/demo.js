@@ -22,16 +22,17 @@ const STATUS = {none: "Starting", waiting: "Ready", driving: "Running", pausing:
 const ENDS = {goal: "The robot reached its goal.", timeout: "Time is up.", contact: "The robot touched something, which ends a run of this scenario.",
               stopped: "The run was stopped."};
 const data = JSON.parse(byId("data").textContent);
-let view = null, isWaiting = true, isAuto = false, silence = null;
+let view = null, isWaiting = true, isAuto = false, silence = null, isReady = false, isSilent = false;
 
 const isDriven = () => byId("controller").value === KEYS;
 const fixed = value => value.toFixed(1);
 
 const simulator = new Simulator("./", answer => {
   clearTimeout(silence);
+  if (isSilent) { isSilent = false; report(""); }
   if (answer.type === "loading") hint(answer.part === "python" ? "Python is loaded, about 20 MB at the first visit …" : "The simulator is starting …");
   else if (answer.type === "failed") { hint(""); report(`The simulator cannot be started: ${answer.text}`); }
-  else if (answer.type === "ready") open();
+  else if (answer.type === "ready") { isReady = true; open(); }
   else if (answer.type === "error") failed(answer);
   else if (answer.type === "tick") { drive.answered(answer); showReadings(); }
   else if (answer.type === "file") save(answer);
@@ -49,7 +50,9 @@ const simulator = new Simulator("./", answer => {
 function send(message) {
   if (message.type !== "tick") isWaiting = true;
   clearTimeout(silence);
+  if (!isReady) return false;      // what is asked for is opened when Python is loaded
   silence = setTimeout(() => {
+    isSilent = true;
     report("The simulator does not answer; the code of the controller may hang. ");
     byId("problem").append(make("button", {onclick: restart}, "Start the simulator again"));
   }, SILENT);
@@ -57,7 +60,7 @@ function send(message) {
 }
 function restart() {
   clearTimeout(silence);
-  isWaiting = true; isAuto = false;
+  isWaiting = true; isAuto = isReady = isSilent = false;
   drive.hide(); report(""); show();
   simulator.restart();
 }

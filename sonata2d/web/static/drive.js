@@ -34,14 +34,21 @@ export class Drive {
     if (isNew && !drive.ticks) this.overview = isStill ? OVERVIEW : OVERVIEW + APPROACH;      // s that are left
     this.run = drive.run; this.states = new Map([[drive.ticks, drive.state]]);
     if (drive.ticks && drive.status === "driving") this.states.set(drive.ticks - 1, drive.before);
-    this.sent = this.latest = this.confirmed = this.shown = drive.ticks;
-    this.own = new Map(); this.isPredicted = false; this.isDifferent = false;
-    if (this.simulate && drive.follow) this.simulate({type: "follow", ...drive.follow});
+    this.sent = this.latest = this.confirmed = this.shown = this.shownTicks = drive.ticks;
+    this.followed = drive.status === "ended" ? null : drive.follow; this.own = new Map(); this.isPredicted = false; this.isDifferent = true;
+    this.follow();
     this.sentAt = new Map(); this.lag = 0; this.dropped = 0; this.roundTrip = null; this.isSlow = false;
     this.input.buffer.forget();
     if (isNew) this.waitingLabel = null;
     this.status = "none";
     this.update(drive);
+  }
+
+  /** Lets the simulator in the page simulate the run as well, from where it is now; only before a tick is sent. */
+  follow() {
+    if (!this.simulate || !this.followed || this.sent !== this.shownTicks) return;
+    this.isDifferent = false; this.simulated = this.sent;
+    this.simulate({type: "follow", ...this.followed});
   }
 
   hide() { this.status = "none"; this.run = null; }
@@ -62,7 +69,9 @@ export class Drive {
 
   /** A tick that the page has simulated itself. The server's state of the same tick has to be the same. */
   foreseen(answer) {
-    if (answer.run !== this.run || this.isDifferent || this.status !== "driving") return;
+    if (answer.run !== this.run || this.isDifferent) return;
+    this.simulated = answer.asked + 1;
+    if (this.status !== "driving") return;
     if (answer.ticks <= this.confirmed) return;
     this.isPredicted = true;
     this.own.set(answer.ticks, JSON.stringify(answer.state));
@@ -77,6 +86,7 @@ export class Drive {
 
   /** From now on, the run shows what the server simulates. */
   differ() {
+    if (!this.own) return;
     this.isDifferent = true; this.isPredicted = false;
     for (const tick of this.own.keys()) this.states.delete(tick);
     this.own.clear();
@@ -158,7 +168,10 @@ export class Drive {
     const events = [...this.input.poll(), ...(this.waitingLabel ? [this.waitingLabel.event] : [])];
     const isSent = this.send({type: "tick", run: this.run, number: this.sent, events, round_trip: this.roundTrip, dropped: this.dropped, predicted: this.isPredicted});
     if (!isSent) return;
-    if (this.simulate && this.data && !this.isDifferent) this.simulate({type: "tick", run: this.run, number: this.sent, events});
+    if (!this.isDifferent) {
+      if (this.sent - this.simulated < MAX_UNANSWERED) this.simulate({type: "tick", run: this.run, number: this.sent, events});
+      else this.differ();      // it is slower than real time
+    }
     this.waitingLabel = null;
     this.sentAt.set(this.sent, performance.now());
     this.sent++; this.dropped = 0; this.roundTrip = null;

@@ -7,7 +7,7 @@ import {form, question} from "./questions.js";
 import {Simulator} from "./simulator.js";
 import {Watch} from "./watch.js";
 
-const PROTOCOL = 1;
+const PROTOCOL = 2;
 const TOUCHED = {human: "readings.touching_human", object: "readings.touching_object", wall: "readings.touching_wall",
                  robot: "readings.touching_robot"};
 const PAUSE_OF_CARD = 500;     // ms, in which keys that were pressed to drive do not answer the card
@@ -17,7 +17,8 @@ const data = JSON.parse(byId("data").textContent);
 let language = data.languages[0], view = null, stepOnShow = null, isWaiting = false, connection = "lost", label = null;
 let problem = "";      // of the last message
 const pings = [];      // round-trip times, s
-let pinged = 0;        // time at which the last ping was sent, ms
+let pinged = 0;        // time at which the last ping was sent, ms; 0 before the first
+let wasMissing = false;      // whether the page shows what the device lacks
 let notice = "";       // about a device; shown until the run goes on
 
 /** A text of the page in the participant's language. */
@@ -41,7 +42,7 @@ const server = new Connection(socketAddress(), {
   },
   status: status => {
     connection = status;
-    if (status === "open") { isWaiting = false; send(hello()); }
+    if (status === "open") { isWaiting = false; pinged = 0; pings.length = 0; send(hello()); }
     else { drive.status = drive.run === null ? "none" : "lost"; drive.input.release(); }
     showConnection();
     if (view) showDriving();
@@ -49,11 +50,11 @@ const server = new Connection(socketAddress(), {
 });
 
 const hello = () => ({type: "hello", protocol: PROTOCOL, languages: navigator.languages.slice(0, 9), touch: isTouched,
-                      screen: [screen.width, screen.height], window: [innerWidth, innerHeight]});
+                      screen: [screen.width, screen.height].map(Math.round), window: [innerWidth, innerHeight].map(Math.round)});
 
-/** Measures the round-trip time, if the study limits it, and then shows the page. */
+/** Measures the round-trip time, if the study limits it, and then asks for the page. */
 function ping() {
-  if (pings.length >= PINGS) { show(view); return; }
+  if (pings.length >= PINGS) { send(hello()); return; }
   pinged = performance.now();
   server.send({type: "ping"});
 }
@@ -69,11 +70,16 @@ function setBusy() {
 }
 
 // With a simulator of its own, the page shows each tick before the server's answer arrives; without one, after it.
-const simulator = !data.simulator ? null : new Simulator(data.simulator, answer => {
-  if (answer.type === "tick") drive.foreseen(answer);
-  else if (answer.type === "error" || answer.type === "failed") console.warn(answer.text);      // the server's answers remain
-});
-const drive = new Drive(byId("canvas"), {send, simulate: simulator && (message => simulator.send(message)), changed: () => showDriving(), act: (action, device) => perform(action, device), isBlocked: () => isWaiting,
+let simulator = null;
+function startSimulator() {
+  if (!data.simulator || simulator) return;
+  simulator = new Simulator(data.simulator, answer => {
+    if (answer.type === "tick") drive.foreseen(answer);
+    else if (answer.type === "ready") { drive.simulate = message => simulator.send(message); drive.follow(); }
+    else if (answer.type === "error" || answer.type === "failed") { drive.differ(); console.warn(answer.text); }      // the server's answers remain
+  });
+}
+const drive = new Drive(byId("canvas"), {send, changed: () => showDriving(), act: (action, device) => perform(action, device), isBlocked: () => isWaiting,
                                          goalText: distance => t("readings.goal", {distance: seconds(distance)})});
 const watch = new Watch(byId("film"), () => showWatching());
 drive.input.isActive = event => {
@@ -115,23 +121,34 @@ function show(next) {
   setBusy();
 }
 
-/** The requirement that the device does not meet, in place of the step; false if it meets all. */
+/** The requirement that the device does not meet, in words; empty if it meets all. */
+function missing() {
+  const {keyboard, width, round_trip: limit} = data.requires, middle = [...pings].sort((a, b) => a - b)[PINGS >> 1];
+  if (keyboard && isTouched) return t("web.needs_keyboard");
+  if (width && innerWidth < width) return t("web.needs_width", {width});
+  if (!limit || view.progress[0] > 0) return "";      // whoever has begun goes on
+  if (pings.length < PINGS) return t("web.measuring");
+  return middle > limit ? t("web.needs_connection", {seconds: middle.toFixed(2), limit}) : "";
+}
+/** Shows what the device lacks in place of the step; false if it lacks nothing. */
 function showMissing() {
-  const {keyboard, width, round_trip: limit} = data.requires, isMeasured = pings.length >= PINGS;
-  const middle = isMeasured ? [...pings].sort((a, b) => a - b)[PINGS >> 1] : 0;
-  if (limit && view.progress[0] === 0 && !isMeasured && !pinged) ping();
-  const isSlow = limit && view.progress[0] === 0 && middle > limit;      // whoever has begun goes on
-  const missing = keyboard && isTouched ? t("web.needs_keyboard") : width && innerWidth < width ? t("web.needs_width", {width})
-    : isSlow ? t("web.needs_connection", {seconds: middle.toFixed(2), limit}) : "";
-  if (!missing) return false;
+  const words = missing();
+  wasMissing = Boolean(words);
+  if (data.requires.round_trip && view.progress[0] === 0 && !pinged) ping();
+  else startSimulator();      // its download would slow the measurement down
+  if (!words) return false;
   for (const id of ["driving", "watching"]) byId(id).hidden = true;
   byId("step").hidden = false; document.body.classList.remove("wide");
-  byId("step").replaceChildren(make("h1", {id: "title", tabindex: -1}, text(data.title)), make("p", {id: "missing"}, missing));
+  byId("step").replaceChildren(make("h1", {id: "title", tabindex: -1}, text(data.title)), make("p", {id: "missing"}, words));
   if (drive.status === "driving") drive.pause();
   stepOnShow = null;
   return true;
 }
-addEventListener("resize", () => { if (view && data.requires.width) show(view); else showDriving(); });
+addEventListener("resize", () => {
+  if (!view) return;
+  if (wasMissing !== Boolean(missing())) send(hello());      // for the present state: the view on show may be from before a run
+  else showDriving();
+});
 
 function showFrame() {
   const [done, total] = view.progress, [kept, runs] = view.runs;
