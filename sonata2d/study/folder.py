@@ -201,7 +201,7 @@ class StudyFolder:
                 yield False
                 return
             if rows_of(self.study.config) > 1:
-                former, self.rows[participant] = self.rows.get(participant), self._least_used(others)
+                former, self.rows[participant] = self.rows.get(participant), self._least_used(others, participant)
                 try:
                     self._write_state()
                 except RecordError:
@@ -218,11 +218,19 @@ class StudyFolder:
         answers = [line["values"] for line in lines if line.get("step") == "demographics" and "values" in line]
         return next((values[question] for values in reversed(answers) if question in values), None)
 
-    def _least_used(self, participants: Mapping[str, int]) -> int:
-        """The row that the fewest of some participants have; given their numbers."""
-        count = rows_of(self.study.config)
-        used = Counter(self.rows.get(id, k) % count for id, k in participants.items())
-        return min(range(count), key=lambda row: (used[row], row))
+    def _least_used(self, participants: Mapping[str, int], besides: str = "") -> int:
+        """The row that the fewest of some participants have, given their numbers; of several, the fewest of all have.
+
+        Args:
+            participants: whose rows count first.
+            besides: participant who is not counted.
+        """
+        count, everybody = rows_of(self.study.config), self._places()
+        used, in_all = (
+            Counter(self.rows.get(id, k) % count for id, k in people.items() if id != besides)
+            for people in (participants, everybody)
+        )
+        return min(range(count), key=lambda row: (used[row], in_all[row], row))
 
     def _places(self) -> dict[str, int]:
         """Participants who hold a place, with their numbers: not those who declined, were screened out or are away."""

@@ -240,7 +240,12 @@ class Participant(Progress):
         if session.state != "ended":
             raise ValueError("the run has not ended")
         self._require_rules()
-        self._append(event="done", step=self.step.id)
+        practice, is_at_goal = (
+            self.study.config.practice,
+            session.outcome is not None and session.outcome.status == "goal",
+        )
+        is_failed = practice is not None and practice.must_reach_goal and not is_at_goal  # after the last attempt
+        self._append(event="done", step=self.step.id, **({"failed": True} if is_failed else {}))
         session.next(reason=_PRACTICE)
         self.resume()
 

@@ -149,8 +149,11 @@ def _flags(events: list[Row], runs: list[Row], ratings: list[Row]) -> Iterator[s
         yield f"{counted(fast, 'page')} under {_FAST:g} s"
     if still := sum(row["path_length"] < _STILL for row in runs):
         yield f"{counted(still, 'run')} without driving"
-    if wrong := sum(len(event.get("wrong", ())) for event in events):
-        yield counted(wrong, "wrong check")
+    if wrong := Counter(name for event in events for name in event.get("wrong", ())):
+        parts = ", ".join(f"{name} {count}" for name, count in wrong.items())
+        yield f"{counted(wrong.total(), 'wrong check')} ({parts})"
+    if failed := sum(event.get("failed", False) for event in events):
+        yield f"{counted(failed, 'practice run')} without reaching the goal"
     if len(ratings) >= _FEWEST_RATINGS and len({row["label"] for row in ratings}) == 1:
         yield "all ratings are equal"
 

@@ -21,7 +21,7 @@ from ..agents.controllers.loading import load_controller
 from ..agents.controllers.teleoperation import STOP, Teleoperation
 from ..core.devices import DeviceEvent
 from ..core.wording import described, one_line
-from ..errors import Sonata2dError
+from ..errors import ConfigError, Sonata2dError
 from ..record.recorder import EpisodeRecorder
 from ..scenegen.generator import generate
 from ..scenegen.scenario.config import ScenarioConfig
@@ -80,7 +80,9 @@ class PageSimulator:
     def _open(self, message: Json) -> Json:
         config = load_scenario(message["scenario"]).changed(**message["changes"])
         name = message["controller"]
-        if code := message.get("code"):
+        if (code := message.get("code")) is not None:
+            if not code.strip():
+                raise ConfigError("there is no code; write a class derived from sonata2d.Controller")
             self._own.write_text(code, encoding="utf-8")
             sys.modules.pop(self._own.stem, None)
             name = str(self._own)

@@ -110,7 +110,7 @@ class Researcher:
             "id": id,
             "token": token,
             "condition": progress.condition,
-            "kind": "declined" if progress.has_declined else progress.step.kind,
+            "kind": "declined" if progress.has_declined else "full" if progress.is_full else progress.step.kind,
             "step": progress.step.id,
             "progress": progress.progress,
             "runs": progress.runs,

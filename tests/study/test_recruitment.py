@@ -327,7 +327,7 @@ def test_practice_and_comprehension_are_repeated_until_passed(tmp_path: Path) ->
     assert participant.step.kind == "run"
     participant.close()
     (row,) = results_of(tmp_path / "out")["participants"]
-    assert "2 wrong checks" in row["flags"]
+    assert "2 wrong checks (task 2); 1 practice run without reaching the goal" in row["flags"]
 
 
 def test_a_run_without_enough_way_is_not_kept(tmp_path: Path) -> None:
@@ -464,6 +464,20 @@ def test_a_person_who_withdraws_leaves_a_place_and_no_answer(doors: StudyFolder,
     assert arrive() == "run"
     files = [path.read_text() for path in (tmp_path / "quota" / "study").rglob("*.json*")]
     assert not any('"p001": 1' in text for text in files)
+
+
+def test_among_equal_rows_of_an_answer_the_least_used_of_all_is_taken(doors: StudyFolder, tmp_path: Path) -> None:
+    (tmp_path / "doors.yaml").write_text(QUOTA)
+    folder, blocks = StudyFolder(tmp_path / "quota", load_study(tmp_path / "doors.yaml")), []
+    for gender in (1, 2, 1):
+        id = folder.recruit({})
+        assert id is not None
+        participant = Participant(folder, id)
+        participant.consent("consent", [])
+        participant.answer("demographics", {"gender": gender})
+        blocks.append(participant.step.block)
+        participant.close()
+    assert sorted(blocks) == [0, 1, 2]
 
 
 def test_a_wrong_answer_that_ends_the_study_is_not_asked_for_again(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import sonata2d as s2
 
 class Mine(s2.Controller):
     def act(self, snapshot):
-        x, y = snapshot.robot.pose.to_local(snapshot.goal.position)
+        x, y = snapshot.robot.pose.to_local(snapshot.goal)
         turn = math.atan2(y, x)            # towards the goal
         ahead = 0.8 * max(math.cos(turn), 0)
         if s2.clearance(snapshot) < 0.6:   # m to the nearest person
@@ -107,7 +107,13 @@ byId("settings").addEventListener("change", event => {
   open();
 });
 byId("settings").addEventListener("input", describe);
-byId("settings").addEventListener("submit", event => { event.preventDefault(); isAuto = true; open(); });
+byId("settings").addEventListener("submit", event => {
+  event.preventDefault();
+  const hangs = isSilent;
+  if (hangs) restart();      // the code before this one never ends
+  isAuto = true;
+  if (!hangs) open();
+});
 byId("another").addEventListener("click", () => { byId("seed").value = (Number(byId("seed").value) || 0) + 1; open(); });
 
 // ---- driving
@@ -166,7 +172,10 @@ function show() {
   showReadings();
 }
 function hint(words) { byId("hint").textContent = words; }
-function report(words) { byId("problem").textContent = words; byId("problem").hidden = !words; }
+function report(words) {
+  byId("problem").textContent = words; byId("problem").hidden = !words;
+  if (words) byId("problem").scrollIntoView({block: "nearest"});
+}
 function showReadings() {
   if (!view || !drive.now || drive.run === null) return;
   const {time, speed, goal, nearest, touches, hasArrived} = drive.readings();

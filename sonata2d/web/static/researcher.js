@@ -8,7 +8,7 @@ const OVERVIEW_PERIOD = 1000, LOOK_PERIOD = 100;   // ms
 const COLUMNS = {participant: "researcher.participant", step: "researcher.step", progress: "researcher.progress", runs: "researcher.runs",
   connection: "researcher.connection", lastEvent: "researcher.last_event", condition: "researcher.condition", link: "researcher.link"};
 const KINDS = {page: "researcher.page", consent: "researcher.consent", questions: "researcher.questions", practice: "researcher.practice",
-  run: "researcher.run", ratings: "researcher.ratings", thanks: "researcher.thanks", screened: "researcher.screened", declined: "researcher.declined"};
+  run: "researcher.run", ratings: "researcher.ratings", thanks: "researcher.thanks", screened: "researcher.screened", full: "researcher.full", declined: "researcher.declined"};
 const STATES = {driving: "readings.recording", paused: "readings.paused", ended: "readings.frozen"};
 const data = JSON.parse(byId("data").textContent), base = data.url || location.origin;
 const t = (key, values = {}) => filled(data.words[key] || key, values);
@@ -74,7 +74,7 @@ function dated(time) {
 function showRow(participant) {
   if (!rows.has(participant.id)) addRow(participant);
   const {cells, row} = rows.get(participant.id), [done, total] = participant.progress;
-  const now = participant.lastEvent || participant.isOpen ? [t(KINDS[participant.kind]), ["thanks", "screened", "declined"].includes(participant.kind) ? "" : `(${participant.step})`]
+  const now = participant.lastEvent || participant.isOpen ? [t(KINDS[participant.kind]), ["thanks", "screened", "full", "declined"].includes(participant.kind) ? "" : `(${participant.step})`]
     : [t("researcher.not_begun")];
   if (participant.isOpen && STATES[participant.status]) now.push(`· ${t(STATES[participant.status])}`);
   const open = t(participant.isOpen ? "researcher.online" : "researcher.offline");
