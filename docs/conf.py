@@ -21,7 +21,7 @@ if "GITHUB_REPOSITORY" in os.environ:  # where the publishing workflow runs
 else:
     REPOSITORY = ""
 
-PAGE = os.environ.get("SONATA2D_DOCS_PAGE", "")  # folder whose folder `drive` is a page of `sonata2d page`
+PAGE = os.environ.get("SONATA2D_DOCS_PAGE", "")  # folder to add to the site: `sonata2d page FOLDER/drive`
 VERSIONS = os.environ.get("SONATA2D_DOCS_VERSIONS", "")  # address of the list of published versions
 SHOWN = os.environ.get("SONATA2D_DOCS_VERSION", __version__).removeprefix("v")
 

@@ -120,7 +120,8 @@ class StudyFolder:
         with self._adding:  # the threads of a server take turns
             if participant not in self.participants:
                 if rows_of(self.study.config) > 1:
-                    self.rows[participant] = self._least_used(self._places())
+                    places = self._places()
+                    self.rows[participant] = self._least_used(places, places)
                 self.participants.append(participant)
                 try:
                     self._write_state()
@@ -192,16 +193,13 @@ class StudyFolder:
         quota = self.study.config.quota
         assert quota is not None
         with self._adding:
-            others = {
-                id: k
-                for id, k in self._places().items()
-                if id != participant and self._answer_of(id, quota.question) == answer
-            }
+            places = {id: k for id, k in self._places().items() if id != participant}
+            others = {id: k for id, k in places.items() if self._answer_of(id, quota.question) == answer}
             if len(others) >= quota.places[int(answer) if isinstance(answer, bool) else answer - 1]:
                 yield False
                 return
             if rows_of(self.study.config) > 1:
-                former, self.rows[participant] = self.rows.get(participant), self._least_used(others, participant)
+                former, self.rows[participant] = self.rows.get(participant), self._least_used(others, places)
                 try:
                     self._write_state()
                 except RecordError:
@@ -218,17 +216,11 @@ class StudyFolder:
         answers = [line["values"] for line in lines if line.get("step") == "demographics" and "values" in line]
         return next((values[question] for values in reversed(answers) if question in values), None)
 
-    def _least_used(self, participants: Mapping[str, int], besides: str = "") -> int:
-        """The row that the fewest of some participants have, given their numbers; of several, the fewest of all have.
-
-        Args:
-            participants: whose rows count first.
-            besides: participant who is not counted.
-        """
-        count, everybody = rows_of(self.study.config), self._places()
+    def _least_used(self, participants: Mapping[str, int], everybody: Mapping[str, int]) -> int:
+        """The row that the fewest of some participants have; among equal ones, the fewest of all; by their numbers."""
+        count = rows_of(self.study.config)
         used, in_all = (
-            Counter(self.rows.get(id, k) % count for id, k in people.items() if id != besides)
-            for people in (participants, everybody)
+            Counter(self.rows.get(id, k) % count for id, k in people.items()) for people in (participants, everybody)
         )
         return min(range(count), key=lambda row: (used[row], in_all[row], row))
 

@@ -101,11 +101,10 @@ class Participant(Progress):
         session = self.session
         if session is None or session.state != "ended" or not self.is_driving:
             return None
-        is_at_goal = session.outcome is not None and session.outcome.status == "goal"
         reached = {
             "minimum_length": session.after.time,
             "minimum_distance": session.path_length,
-            "must_reach_goal": is_at_goal,
+            "must_reach_goal": _is_at_goal(session),
         }
         return next((rule for rule, least in self.rules.items() if reached[rule] < least), None)
 
@@ -240,11 +239,10 @@ class Participant(Progress):
         if session.state != "ended":
             raise ValueError("the run has not ended")
         self._require_rules()
-        practice, is_at_goal = (
-            self.study.config.practice,
-            session.outcome is not None and session.outcome.status == "goal",
-        )
-        is_failed = practice is not None and practice.must_reach_goal and not is_at_goal  # after the last attempt
+        practice = self.study.config.practice
+        is_failed = (
+            practice is not None and practice.must_reach_goal and not _is_at_goal(session)
+        )  # after the last attempt
         self._append(event="done", step=self.step.id, **({"failed": True} if is_failed else {}))
         session.next(reason=_PRACTICE)
         self.resume()
@@ -465,3 +463,8 @@ class Participant(Progress):
 
     def _time(self) -> str:
         return event_time(self._now())
+
+
+def _is_at_goal(session: Session) -> bool:
+    """Whether the present run ended at its goal."""
+    return session.outcome is not None and session.outcome.status == "goal"

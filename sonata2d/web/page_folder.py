@@ -7,6 +7,7 @@ import json
 import re
 import zipfile
 from collections.abc import Callable
+from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
 from io import BytesIO
@@ -38,7 +39,17 @@ _PARTS = (
     "sim", "version.py", "view", "web/__init__.py", "web/in_page.py",
 )  # fmt: skip
 _SUFFIXES = (".py", ".pyi", ".yaml", ".toml", ".npz", ".json")
-_STATIC = ("demo.js", "drive.js", "elements.js", "input.js", "simulator.js", "worker.js", "style.css", "icon.svg")
+_STATIC = (
+    "demo.js",
+    "drive.js",
+    "elements.js",
+    "input.js",
+    "simulator.js",
+    "worker.js",
+    "style.css",
+    "icon.svg",
+    "drawing.js",
+)
 _CONTROLLERS = ("social-planner", "human-like", "orca", "social-force", "straight-to-goal")
 _TIMEOUT_S = 60.0
 
@@ -70,8 +81,7 @@ def write_page(
     """
     distribution = _Distribution(source, wheels, index, advance)
     content = {f"pyodide/{name}": data for name, data in distribution.files().items()}
-    content |= {name: _static(name) for name in _STATIC}
-    content["drawing.js"] = files("sonata2d.view").joinpath("drawing.js").read_bytes()
+    content |= {name: static_files()[name] for name in _STATIC}
     content["sonata2d.zip"] = own_archive()
     content["index.html"] = _index().encode()
     for name, data in content.items():
@@ -91,7 +101,7 @@ def read_page(folder: Path) -> dict[str, bytes]:
         packages = json.loads((folder / "pyodide" / _LOCK).read_bytes())["packages"]
         names = [f"pyodide/{name}" for name in (*_CORE, _LOCK, *(entry["file_name"] for entry in packages.values()))]
         # nothing else that is in the folder is served
-        content = {name: (folder / name).read_bytes() for name in (*names, *_STATIC, "drawing.js", "sonata2d.zip")}
+        content = {name: (folder / name).read_bytes() for name in (*names, *_STATIC, "sonata2d.zip")}
         engine, archive = packages[_ENGINE]["version"], _checksums(content["sonata2d.zip"])
     except (OSError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
         raise ConfigError(
@@ -126,8 +136,19 @@ def own_archive() -> bytes:
     return buffer.getvalue()
 
 
-def _static(name: str) -> bytes:
-    return files(__package__).joinpath("static", name).read_bytes()
+@cache
+def static_files() -> dict[str, bytes]:
+    """The scripts, styles and icons of all pages, by name."""
+    paths = [*files(__package__).joinpath("static").iterdir(), files("sonata2d.view").joinpath("drawing.js")]
+    return {path.name: path.read_bytes() for path in paths if path.name.endswith((".css", ".js", ".svg"))}
+
+
+@cache
+def templates() -> Environment:
+    """The templates of all pages."""
+    environment = Environment(loader=PackageLoader(__package__, "pages"), autoescape=True)
+    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
+    return environment
 
 
 def _index() -> str:
@@ -140,8 +161,7 @@ def _index() -> str:
         "scenarios": scenario_names(),
         "controllers": {name: (kinds[name].__doc__ or "").partition("\n")[0] for name in _CONTROLLERS},
     }
-    environment = Environment(loader=PackageLoader(__package__, "pages"), autoescape=True)
-    return environment.get_template("demo.html").render(data=data)
+    return templates().get_template("demo.html").render(data=data)
 
 
 class _Distribution:

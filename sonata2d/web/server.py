@@ -9,13 +9,11 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
 from functools import cache, partial
 from hashlib import sha256
-from importlib.resources import files
 from types import MappingProxyType
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 import orjson
-from jinja2 import Environment, PackageLoader
 from starlette.applications import Starlette
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
@@ -35,7 +33,7 @@ from ..study.links import Links
 from ..study.participant import Participant
 from ..study.texts import Json, in_language
 from .messages import FAILED, REFUSED, Message, parse_message
-from .page_folder import read_page
+from .page_folder import read_page, static_files, templates
 from .participant_session import ParticipantSession, preferred
 from .researcher import Researcher
 from .settings import ServerSettings
@@ -133,10 +131,10 @@ class StudyServer:
 
     async def _static(self, request: Request) -> Response:
         name = str(request.path_params["name"])
-        if name not in _static_files():
+        if name not in static_files():
             return self._not_found(request)
         media_type = _STATIC[name.rpartition(".")[2]]
-        return Response(_static_files()[name], media_type=media_type, headers={"Cache-Control": "no-cache"})
+        return Response(static_files()[name], media_type=media_type, headers={"Cache-Control": "no-cache"})
 
     async def _picture(self, request: Request) -> Response:
         """A picture in the texts of the study."""
@@ -498,7 +496,7 @@ async def _received(socket: WebSocket) -> str | bytes:
 
 
 def _page(name: str, status: int = 200, **values: Any) -> Response:
-    return HTMLResponse(_templates().get_template(name).render(**values), status, headers=_NO_STORE)
+    return HTMLResponse(templates().get_template(name).render(**values), status, headers=_NO_STORE)
 
 
 def _digest(content: Mapping[str, bytes]) -> str:
@@ -511,17 +509,3 @@ def _digest(content: Mapping[str, bytes]) -> str:
 @cache
 def _compressed(content: bytes) -> bytes:
     return gzip.compress(content, 6, mtime=0)
-
-
-@cache
-def _templates() -> Environment:
-    environment = Environment(loader=PackageLoader(__package__, "pages"), autoescape=True)
-    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
-    return environment
-
-
-@cache
-def _static_files() -> dict[str, bytes]:
-    """The files of the page by name; other names are unknown."""
-    paths = [*files(__package__).joinpath("static").iterdir(), files("sonata2d.view").joinpath("drawing.js")]
-    return {path.name: path.read_bytes() for path in paths if path.name.rpartition(".")[2] in _STATIC}

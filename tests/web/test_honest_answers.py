@@ -89,7 +89,7 @@ class Cheat:
         return problem
 
     def flags(self) -> str:
-        """What the table of participants says."""
+        """The flags of the participant, as the table has them."""
         self.session.participant.close()
         (row,) = results_of(self.out)["participants"]
         return str(row["flags"])

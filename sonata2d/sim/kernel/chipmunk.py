@@ -21,7 +21,7 @@ from ...core.compiled.scalar import half_line
 
 # Items of `Engine.handle`, addresses: of C functions, of the space, and of the requests for reading and writing.
 _STEP, _EACH_BODY, _GET, _SET, _SET_ENDS, _SET_OFFSET, _REINDEX, _SPACE, _READ, _WRITE, _PLACE = range(11)
-# Items of `Engine.counts`: the fields `num` of the buffers, whose headers are shorter where addresses have 32 bits.
+# Positions in `Engine.counts` of the field `num` of each buffer: its header has 4 integers on 64-bit systems, else 3.
 _READ_COUNT, _WRITE_COUNT, _PLACE_COUNT = (k * ffi.sizeof("pmFloatArray") // 4 for k in range(3))
 
 

@@ -12,10 +12,10 @@ const OUTSIDE = "#e2e5e9";
 const isStill = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 export class Drive {
-  /** `send` sends a message; `changed` is called when the status changes; `act` is called with actions of the page;
-      `simulate`, if given, sends a message to a simulator in the page, whose answers go to `foreseen`. */
-  constructor(canvas, {send, changed, act, isBlocked, goalText, simulate = null}) {
-    this.canvas = canvas; this.pen = canvas.getContext("2d"); this.send = send; this.changed = changed; this.isBlocked = isBlocked; this.goalText = goalText; this.simulate = simulate;
+  /** `send` sends a message; `changed` is called when the status changes; `act` is called with actions of the page. */
+  constructor(canvas, {send, changed, act, isBlocked, goalText}) {
+    this.canvas = canvas; this.pen = canvas.getContext("2d"); this.send = send; this.changed = changed; this.isBlocked = isBlocked; this.goalText = goalText;
+    this.simulate = null;      // sends a message to a simulator in the page, once there is one; its answers go to `foreseen`
     this.input = new Input(canvas, (action, value) => this.perform(action) || act(action, value));
     this.view = "follow"; this.zoom = 1; this.zones = false; this.changes = []; this.overview = 0;
     this.status = "none"; this.run = null; this.states = new Map(); this.last = null; this.isSlow = false;
