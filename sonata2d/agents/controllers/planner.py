@@ -42,7 +42,9 @@ _PARTS = 4  # of a step, in which the outline of a robot that is no disc is comp
 _HASTE = 0.01  # cost of a step of a trajectory of a robot that is no disc
 _LONG = 1.5  # ratio of the circles around and within an outline, above which it is long
 _FROM_LEAF = 0.1  # m, from a door that is not open, where the robot waits for it
-_IMPATIENCE = 5.0  # s without progress, after which the costs of disturbing people decrease
+_SLOW_PROGRESS = 0.5  # share of the top speed; a robot that comes nearer to its goal more slowly is held up
+_PROGRESS_TIME = 2.0  # s, over which progress is averaged
+_IMPATIENCE = 5.0  # s of being held up, after which the costs of disturbing people decrease
 
 
 def uses_sideways(robot: Robot) -> bool:
@@ -177,7 +179,8 @@ class SocialPlanner(KernelController):
     """Drives to the goal with regard for people's comfort.
 
     In each tick, some hundred twists are rolled out under the drive's limits and priced against the room and against
-    people who keep their velocities; the cheapest is commanded.
+    people who keep their velocities; the cheapest is commanded. People's comfort counts less while the robot is held up,
+    that is, while it comes nearer to its goal at less than half of its top speed for more than 5 s.
 
     Args:
         weights: the cost weights; None: the default ones.
@@ -190,7 +193,7 @@ class SocialPlanner(KernelController):
     as its goal term (Brock & Khatib, ICRA 1999).
     """
 
-    version = "1"
+    version = "2"
     kernel = _plan
     obstacle_price: ClassVar[float] = 0.0
     obstacle_distance: ClassVar[float] = 1.0
@@ -309,7 +312,7 @@ def _cheapest(
         velocities: (V, 2), m/s, body frame; the last one is overwritten with the last command's.
         turns: (T,), rad/s; the last one is overwritten with the last command's.
         positions: (2, STEPS + 1, T, V), m, world frame; overwritten with the predicted positions of the robot.
-        progress: smallest cost of the path to the goal so far, and the tick of that; updated.
+        progress: running mean of the cost of the path to the goal, and the last tick without a hold-up; updated.
         state, radius, shoulder: (N, 9), (N,) and (N,), of the people; see `Humans`.
         tick: of the snapshot.
         position, direction: of the robot, world frame.
@@ -392,10 +395,13 @@ def _path_cost(numbers: Array, layers: Array, x: float, y: float) -> float:
 
 @subroutine
 def _courtesy(numbers: Array, layers: Array, progress: Array, tick: int, position: Point) -> float:
-    """Weight of the comfort of others: less if the robot has not come nearer to the goal for `_IMPATIENCE` seconds."""
+    """Weight of the comfort of others: less if the robot has been held up for `_IMPATIENCE` seconds."""
     here = _path_cost(numbers, layers, position[0], position[1])
-    if here < progress[0] - 0.2:
+    if progress[0] == math.inf:
         progress[0], progress[1] = here, tick
+    progress[0] += (here - progress[0]) * min(numbers[_DT] / _PROGRESS_TIME, 1.0)
+    if progress[0] - here > _SLOW_PROGRESS * numbers[_MAX_SPEED] * _PROGRESS_TIME:
+        progress[1] = tick
     overtime = max((tick - progress[1]) * numbers[_DT] - _IMPATIENCE, 0.0)
     return float(1.0 / (1.0 + overtime / _IMPATIENCE))
 
