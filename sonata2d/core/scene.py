@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .attributes import Attributes, AttributeSpec
+from .attributes import AttributeColumn, Attributes, AttributeSpec
 from .bounds import ADDITIVE, Fraction, NotNegative, Positive, Steps
 from .doors import OPEN, InteriorDoor
 from .drawable import Drawable
@@ -393,6 +393,25 @@ class Scene(FloatFields, Drawable):
     def floor_area(self) -> float:
         """Area of the room without its holes, m²."""
         return polygon_area(self.polygon) - sum(polygon_area(hole) for hole in self.holes)
+
+    def attributes_at(self, columns: Sequence[AttributeColumn], points: Array) -> Array:
+        """The numbers in the columns of areas at points: of the first area there that has a value; 0 without one.
+
+        Args:
+            columns: A columns of attributes of areas.
+            points: (P, 2), m, world frame; not a number: no point.
+
+        Returns:
+            (P, A).
+        """
+        numbers, is_given = np.zeros((len(points), len(columns))), np.zeros((len(points), len(columns)), dtype=bool)
+        for area in self.areas:
+            is_inside = inside_rings(points, area.polygon, ())
+            for k, column in enumerate(columns):
+                if column.spec.name in (area.attributes or {}):
+                    numbers[is_inside & ~is_given[:, k], k] = column.number(area.attributes)
+                    is_given[:, k] |= is_inside
+        return numbers
 
     def attributes_of(self, id: int | None = None) -> Attributes:
         """Values of the attributes of a person or an object, by name; of the episode without an id.

@@ -21,12 +21,13 @@ from .parts import Column, Rows, SnapshotPart
 _PARTS: dict[Holder, tuple[str, str]] = {  # name of the part, and its rows
     "people": ("human_attributes", "humans"),
     "objects": ("object_attributes", "objects"),
+    "areas": ("area_attributes", ""),
     "episode": ("episode_attributes", ""),
 }
 
 
 class _Attributes(SnapshotPart):
-    """Base class of the parts: one row for each person or object, or a vector of the episode.
+    """Base class of the parts: one row for each person or object, or a vector of the episode or of the robot's place.
 
     Attributes:
         numeric: columns of the attributes.
@@ -50,6 +51,19 @@ class _Attributes(SnapshotPart):
         out[index >= 0] = self._numbers[index[index >= 0]]
 
 
+class _AtRobot(SnapshotPart):
+    """Base class of the part with the attributes of the area in which the robot's centre is."""
+
+    about = frozenset({"robot"})
+    numeric: ClassVar[tuple[AttributeColumn, ...]] = ()
+
+    def begin(self, scene: Scene) -> None:
+        self._scene = scene
+
+    def fill(self, snapshot: Snapshot, rows: Rows, out: NDArray[Any]) -> None:
+        out[:] = self._scene.attributes_at(self.numeric, np.array([snapshot.robot.position]))[0]
+
+
 def register_attribute_parts(config: str | Path | ScenarioConfig) -> list[str]:
     """Register observation parts for the attributes of a scenario; they replace those of an earlier call.
 
@@ -60,8 +74,9 @@ def register_attribute_parts(config: str | Path | ScenarioConfig) -> list[str]:
         config: settings of the scenario, or the name of a preset or path of a file.
 
     Returns:
-        Names of the parts, for `SocialNavEnv(parts=...)`: `human_attributes`, `object_attributes` and
-        `episode_attributes`, as far as the scenario declares such attributes.
+        Names of the parts, for `SocialNavEnv(parts=...)`: `human_attributes`, `object_attributes`, `area_attributes`,
+        of the first area with a value in which the robot's centre is, and `episode_attributes`, as far as the scenario
+        declares such attributes.
 
     Raises:
         ConfigError: there is no such preset or file, or the file is invalid.
@@ -73,11 +88,13 @@ def register_attribute_parts(config: str | Path | ScenarioConfig) -> list[str]:
             continue
         bound = MAX_MAGNITUDE
         of_numbers = {"number": (bound, -bound), "yes_no": (1.0, 0.0), "classes": (1.0, 0.0)}
-        fields = {
+        fields: dict[str, Any] = {
             "__doc__": f"Attributes of {of}.", "name": name, "rows_of": rows_of, "numeric": columns,
-            "about": frozenset({rows_of} if rows_of else ()),
             "columns": tuple(Column(each.name, "", *of_numbers[each.spec.type]) for each in columns),
         }  # fmt: skip
-        OBSERVATION_PARTS.register(name, type(f"Attributes_{name}", (_Attributes,), fields))
+        base: type[SnapshotPart] = _AtRobot
+        if of != "areas":
+            base, fields["about"] = _Attributes, frozenset({rows_of} if rows_of else ())
+        OBSERVATION_PARTS.register(name, type(f"Attributes_{name}", (base,), fields))
         names.append(name)
     return names

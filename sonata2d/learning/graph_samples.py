@@ -25,7 +25,7 @@ class GraphSamples:
         frame: frame of reference of modern graphs: `world`, `robot` or `goal`.
         instants: number of instants of modern graphs, 1 or more; graphs at the start of an episode have fewer.
         interval: time between the instants of a modern graph, s; a multiple of the tick length.
-        attributes: whether the attributes of people and objects are features; see `learning.graph.with_attributes`.
+        attributes: whether attributes of people, objects and areas are features; see `learning.graph.with_attributes`.
 
     Raises:
         ValueError: there is no such kind or frame, or a number is not positive.
@@ -63,7 +63,7 @@ class GraphSamples:
         """
         record = record.until_arrival()
         for graph in paper_graphs(record) if self.kind == "paper" else self._modern_graphs(record):
-            yield with_attributes(graph, record.scene()) if self.attributes else graph
+            yield with_attributes(graph, record) if self.attributes else graph
 
     def _modern_graphs(self, record: EpisodeRecord) -> Iterator[Graph]:
         for tick in kept_ticks(record.time[: len(record)], self.every):

@@ -60,14 +60,14 @@ def backdrop(
     supersampled = camera.supersampled(fine)
     surface = pygame.Surface(supersampled.size, pygame.SRCALPHA if outside is None else 0, 32)
     surface.fill(outside if outside is not None else (*WALL, 0))
-    draw_still_parts(Brush(PixelCanvas(surface, fine), supersampled, fine), scene, grid=layers.grid)
+    draw_still_parts(Brush(PixelCanvas(surface, fine), supersampled, fine), scene, layers)
     return surface
 
 
-def draw_still_parts(brush: Brush, scene: Scene, *, grid: bool) -> None:
-    """Draw the room, with grid lines if `grid` is set, and the objects in it."""
-    draw_room(brush, scene, grid=grid)
-    draw_landmarks(brush, scene)
+def draw_still_parts(brush: Brush, scene: Scene, layers: Layers) -> None:
+    """Draw the room and the objects in it."""
+    draw_room(brush, scene, grid=layers.grid)
+    draw_landmarks(brush, scene, attributes=layers.attributes)
     draw_furniture(brush, scene)
 
 

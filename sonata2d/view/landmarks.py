@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from ..core.attributes import attribute_text
 from ..core.doors import DoorState
 from ..core.entities import Area
 from ..core.furniture_types import WOOD, WOOD_EDGE
@@ -25,10 +26,10 @@ _DASH_SPACING = 0.16  # m, around a place
 _LARGEST_PLACE = 20.0  # m, radius beyond which dashes get longer
 
 
-def draw_landmarks(brush: Brush, scene: Scene) -> None:
-    """Draw the areas, doors, queues and places of a scene."""
+def draw_landmarks(brush: Brush, scene: Scene, *, attributes: bool = True) -> None:
+    """Draw the areas, with their attributes if `attributes` is set, doors, queues and places of a scene."""
     for area in scene.areas:
-        draw_area(brush, area)
+        draw_area(brush, area, attribute_text(area.attributes) if attributes else "")
     for door in scene.doors:
         draw_door(_at(brush, door.pose), door.width)
     for queue in scene.queues:
@@ -37,8 +38,8 @@ def draw_landmarks(brush: Brush, scene: Scene) -> None:
         draw_place(brush.at(place.position), place.radius)
 
 
-def draw_area(brush: Brush, area: Area) -> None:
-    """Draw an area in the colour of its first rule, with its name and rules as words; without rules only its name."""
+def draw_area(brush: Brush, area: Area, words_of_attributes: str = "") -> None:
+    """Draw an area in the colour of its first rule, if it has one, with its name, rules and attributes as words."""
     (x, y), size = _centre_of(area)
     words = area.name
     rules = ((area.no_go, _NO_GO), (area.speed_limit is not None, _SLOW), (area.one_way is not None, _WAY))
@@ -50,6 +51,8 @@ def draw_area(brush: Brush, area: Area) -> None:
         words += ": no robots"
     if area.speed_limit is not None:
         words += f": {area.speed_limit:g} m/s"
+    if words_of_attributes:
+        words += f" ({words_of_attributes})"
     if area.one_way is not None:
         arrow = brush.at((x, y - 0.28), (math.cos(area.one_way), math.sin(area.one_way)))
         arrow.stroke(mixed(FLOOR, _WAY, 0.6), [(-0.4, 0.0), (0.35, 0.0)], 0.05)

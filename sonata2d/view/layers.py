@@ -45,7 +45,7 @@ class Layers:
         zones: intimate and personal zones, and the space shared by interacting pedestrians.
         velocities: arrows.
         ids: of pedestrians and objects.
-        attributes: of pedestrians and objects, as words.
+        attributes: of pedestrians, objects and areas, as words.
         caption: the strip below, with the scale bar.
         legend: rows below the picture that explain its symbols; camera images have none.
     """

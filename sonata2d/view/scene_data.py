@@ -225,7 +225,7 @@ def _camera_of(scene: Scene) -> Camera:
 def _room_url(scene: Scene, camera: Camera, layers: Layers) -> str:
     """The room as SVG in a data URL, transparent outside."""
     canvas = SvgCanvas(camera.size)
-    draw_still_parts(Brush(canvas, camera), scene, grid=layers.grid)
+    draw_still_parts(Brush(canvas, camera), scene, layers)
     return "data:image/svg+xml;base64," + base64.b64encode(ElementTree.tostring(canvas.root)).decode("ascii")
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pygame
 import pytest
 
@@ -14,6 +16,7 @@ from sonata2d.datasets import verify
 from sonata2d.errors import ConfigError, RecordError
 from sonata2d.gym import SocialNavEnv, register_attribute_parts
 from sonata2d.learning import GraphSamples
+from sonata2d.learning.graph.graph import NODE_TYPES
 from sonata2d.registry import OBSERVATION_PARTS
 from sonata2d.view.layers import Layers
 from sonata2d.view.scene_data import scene_data
@@ -158,7 +161,7 @@ def test_short_forms_read_back_as_the_same_settings() -> None:
 def test_observations_have_the_attributes_as_parts() -> None:
     try:
         names = register_attribute_parts(ward())
-        assert names == ["human_attributes", "object_attributes", "episode_attributes"]
+        assert names == ["human_attributes", "object_attributes", "area_attributes", "episode_attributes"]
         env = SocialNavEnv(ward(), parts=names, order="scene")
         observation, _ = env.reset(seed=5)
         assert env.observation_space.contains(observation)
@@ -168,6 +171,9 @@ def test_observations_have_the_attributes_as_parts() -> None:
         assert observation["object_attributes"][:, 0].max() == 1.0
         assert observation["episode_attributes"].shape == (3,)
         assert observation["human_attributes"][observation["humans_mask"] == 0].sum() == 0.0
+        for x, quiet in ((0.5, 1.0), (1.5, 0.0)):
+            here = SocialNavEnv(ward(furniture=[], robot={"pose": [x, 0.5, 0.0]}), parts=names)
+            assert here.reset(seed=5)[0]["area_attributes"].tolist() == [quiet]
     finally:
         OBSERVATION_PARTS.registered.clear()
 
@@ -185,6 +191,29 @@ def test_graphs_have_the_attributes_as_features(tmp_path: Path) -> None:
     assert graph.features[graph.node_type == graph.node_type[0]][:, len(plain.feature_names) :].sum() == 0.0
 
 
+def test_nodes_have_the_attributes_of_the_area_where_they_are(tmp_path: Path) -> None:
+    scene = s2.generate(ward(robot={"pose": [-3.0, 0.0, 0.0]}, goal={"position": [3.0, 0.3]}, robots=2), 2)
+    record = s2.read_episode(write(scene, tmp_path / "a.json"))
+    checked, quiet, states = 0, 0, record.states
+    for graph in GraphSamples(attributes=True, every=0.5)(record):
+        column = graph.features[:, graph.feature_names.index("areas.quiet")]
+        for n, (kind, instant) in enumerate(zip(graph.node_type, graph.instant, strict=True)):
+            tick, id = graph.ticks[instant], int(graph.entity[n])
+            others = [robot.id for robot in scene.robots]
+            if NODE_TYPES[kind] == "room":
+                place = states.robot[tick]
+            elif NODE_TYPES[kind] == "human":
+                k = next((k for k, human in enumerate(scene.humans) if human.id == id), None)
+                place = states.humans[tick, k] if k is not None else states.robots[tick, others.index(id)]
+            elif NODE_TYPES[kind] == "object":
+                place = np.array(next(piece.pose.position for piece in scene.furniture if piece.id == id))
+            else:
+                place = np.array([9.0, 9.0])  # the bay is a square of 2 m
+            checked, quiet = checked + 1, quiet + int(column[n])
+            assert column[n] == float(np.abs(place[:2]).max() < 1.0)
+    assert 0 < quiet < checked
+
+
 def test_pictures_show_the_attributes_as_words() -> None:
     scene = s2.generate(ward(), 2)
     shown, hidden = (
@@ -193,6 +222,7 @@ def test_pictures_show_the_attributes_as_words() -> None:
     )
     assert shown != hidden
     assert scene_data(scene)["humans"][0]["words"].startswith("angry")
+    assert b"bay (quiet)" in base64.b64decode(scene_data(scene)["room"].partition(",")[2])
     assert (
         attribute_text({"emotion": "angry", "hurried": True, "calm": False, "age": 71.234})
         == "angry, hurried, age 71.2"

@@ -179,8 +179,8 @@ class SocialPlanner(KernelController):
     """Drives to the goal with regard for people's comfort.
 
     In each tick, some hundred twists are rolled out under the drive's limits and priced against the room and against
-    people who keep their velocities; the cheapest is commanded. People's comfort counts less while the robot is held up,
-    that is, while it comes nearer to its goal at less than half of its top speed for more than 5 s.
+    people who keep their velocities; the cheapest is commanded. People's comfort counts less while the robot is held
+    up, that is, while it comes nearer to its goal at less than half of its top speed for more than 5 s.
 
     Args:
         weights: the cost weights; None: the default ones.
