@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import nullcontext
 from copy import deepcopy
 from dataclasses import replace
 from typing import Any, SupportsIndex
@@ -134,11 +135,17 @@ class Episode(Drawable):
                 through, with tick, episode and seed added as a note.
         """
         self.replay_past()
-        run = self._compiled_run()
-        while self.outcome is None:
-            if run is None or not self._run_frames(run):
-                self.step()
+        self._run_on(self._compiled_run())
+        assert self.outcome is not None
         return self.outcome
+
+    def _run_on(self, run: CompiledRun | None, stop: int | None = None) -> None:
+        """Run to a tick, or to the end, without the interpreter where possible."""
+        with interruption.held_back() if run else nullcontext() as blocks:
+            while self.outcome is None and (stop is None or len(self.past) < stop):
+                limit = None if stop is None else stop - len(self.past)
+                if run is None or blocks is None or not self._run_frames(run, blocks, limit):
+                    self.step()
 
     def _compiled_run(self) -> CompiledRun | None:
         """The episode under its controller without the interpreter; None if the controller or an observer needs it."""
@@ -154,14 +161,14 @@ class Episode(Drawable):
         is_plain = is_plain and self.scene.goal.is_plain
         return is_plain and not self.scene.robots and all(map(_takes_many_frames, self.observers))
 
-    def _run_frames(self, run: CompiledRun, limit: int | None = None) -> bool:
+    def _run_frames(self, run: CompiledRun, blocks: interruption.Blocks, limit: int | None) -> bool:
         """Run some ticks at once; False if there were none, and `step` is needed."""
         snapshot = self._observe_unless_over(())
         if snapshot is None:
             return True
         if snapshot.events:
             return False
-        with interruption.held_back():
+        with blocks:
             frames = run.frames(snapshot, limit)
             is_replay = len(self.past) < len(self._script)
             if not len(frames.rows):
@@ -341,9 +348,8 @@ class Episode(Drawable):
         script, run = self._script, None
         if len(self.past) < len(script) and not script.has_events and self._may_skip:
             run = CompiledRun.of_commands(self._world, self._crowd, script.commands)
-        while len(self.past) < len(script) and not self.is_over:
-            if run is None or not self._run_frames(run, len(script) - len(self.past)):
-                self.step()
+        if len(self.past) < len(script):
+            self._run_on(run, len(script))
         return self
 
     def end(self, status: Status, reason: str, events: Sequence[DeviceEvent] = ()) -> Outcome:

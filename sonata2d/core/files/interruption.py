@@ -158,21 +158,49 @@ def _opening(stream: Any) -> Callable[[], TextIO] | None:
     return partial(open, number, "w", encoding=stream.encoding, errors=stream.errors, closefd=False)
 
 
+class Blocks:
+    """Context of blocks that take milliseconds and must not be left half done: signals take effect after a block."""
+
+    def __init__(self) -> None:
+        self.handlers: dict[int, Callable[[int, Any], Any]] = {}
+        self._is_inside = False
+        self._received: list[tuple[int, Any]] = []
+
+    def handle(self, number: int, frame: Any) -> None:
+        """Handle a signal, now or after the block."""
+        if self._is_inside:
+            self._received.append((number, frame))
+        else:
+            self.handlers[number](number, frame)
+
+    def __enter__(self) -> None:
+        self._is_inside = True
+
+    def __exit__(self, *_: object) -> None:
+        self._is_inside = False
+        if self._received:
+            received, self._received = self._received[0], []
+            self.handle(*received)
+
+
 @contextmanager
-def held_back() -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM take effect after the block, which takes milliseconds and must not be left half done."""
-    if threading.current_thread() is not threading.main_thread():  # another one gets no signals
-        yield
-        return
-    received: list[tuple[int, Any]] = []
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    kept = {number: handler for number, handler in handlers.items() if callable(handler)}
-    for number in kept:
-        signal.signal(number, lambda *arguments: received.append(arguments))
+def held_back() -> Iterator[Blocks]:
+    """Let Ctrl-C and SIGTERM take effect between the blocks of a loop, where handlers are set once, not in each block.
+
+    >>> with held_back() as blocks:
+    ...     for _ in range(2):
+    ...         with blocks:
+    ...             pass  # is not interrupted
+    """
+    blocks = Blocks()
+    if threading.current_thread() is threading.main_thread():  # another one gets no signals
+        handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+        blocks.handlers.update((number, handler) for number, handler in handlers.items() if callable(handler))
+        for number in blocks.handlers:
+            signal.signal(number, blocks.handle)
     try:
-        yield
+        yield blocks
     finally:
-        for number, handler in kept.items():
-            signal.signal(number, handler)
-        if received:
-            kept[signal.Signals(received[0][0])](*received[0])
+        for number, handler in blocks.handlers.items():
+            if signal.getsignal(number) == blocks.handle:  # a controller may have set its own
+                signal.signal(number, handler)
