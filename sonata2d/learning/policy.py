@@ -54,11 +54,9 @@ class GraphPolicy(LearnedController):
         self._history: deque[Observation] = deque(maxlen=(INSTANTS - 1) * self._step + 2)
         limits = scene.robot.limits
         self._scale = np.array([limits.ahead, scene.robot.sideways_limit, limits.turn])
-        self._goal, self._scene_nodes = scene.goal, SceneNodes(scene)
+        self._scene_nodes = SceneNodes(scene)
 
     def act(self, snapshot: Snapshot) -> Twist:
-        if snapshot.goal is not self._goal:
-            self._goal, self._scene_nodes = snapshot.goal, SceneNodes(snapshot.scene)
         self._history.append(observation_of(snapshot))
         if self._weights.graph == "modern":
             fraction = self._network(*self._modern_inputs())

@@ -22,6 +22,8 @@ from sonata2d.datasets import mirrored
 from sonata2d.datasets.check.plausibility import implausible_values
 from sonata2d.errors import ConfigError, RecordError, SceneError
 from sonata2d.formats.socnav3 import Options, export
+from sonata2d.learning.graph import modern_graph, paper_graphs
+from sonata2d.learning.graph.graph import NODE_TYPES
 from tests.running import record_of
 
 ROOM = {"polygon": [[-4, -2], [4, -2], [4, 2], [-4, 2]], "walls": [[0, -2, 0, -0.5], [0, 0.5, 0, 2]]}
@@ -282,13 +284,27 @@ def test_settings_of_doors_are_checked(settings: dict[str, Any], message: str) -
         s2.ScenarioConfig(**settings)
 
 
+@pytest.mark.parametrize("kind", ["hinged", "sliding"])
+def test_graphs_have_the_leaves_of_doors_as_walls_that_move(kind: str) -> None:
+    record = record_of(scene({"kind": kind}), Ahead())
+    door, openings = record.scene().moving_doors[0], record.states.doors[:, 0]
+    assert np.ptp(openings) > 0.5
+    graph = modern_graph(record, int(np.argmax(np.abs(openings))), frame="world", instants=3, interval=0.5)
+    leaf = (graph.node_type == NODE_TYPES.index("wall")) & (graph.entity == len(record.scene().walls))
+    assert leaf.sum() == len(graph.ticks)
+    x, y, length = (graph.features[leaf, graph.feature_names.index(name)] for name in ("x", "y", "length"))
+    for n, tick in enumerate(graph.ticks):
+        start, end, _ = door.leaf(openings[tick])
+        assert (x[n], y[n]) == pytest.approx(((start[0] + end[0]) / 2, (start[1] + end[1]) / 2))
+        assert length[n] == pytest.approx(np.hypot(end[0] - start[0], end[1] - start[1]))
+    assert np.ptp(x) + np.ptp(y) > 0.1
+    assert len(paper_graphs(record)) == int(record.time[-2])
+
+
 def test_what_has_no_moving_walls_refuses_doors() -> None:
     record = record_of(scene())
     from sonata2d.errors import Sonata2dError
-    from sonata2d.learning.graph.source import SceneNodes
 
-    with pytest.raises(SceneError, match="doors that open and close, and walls of graphs do not move"):
-        SceneNodes(record.scene())
     with pytest.raises(Sonata2dError, match="it has doors that open and close"):
         export(record, Options())
 

@@ -14,11 +14,13 @@ import sonata2d as s2
 from sonata2d.agents.controllers.local_planner import Dwa
 from sonata2d.core.tasks import ARRIVED
 from sonata2d.datasets import mirror_file, verify
-from sonata2d.errors import ConfigError, ControllerError, RecordError, SceneError, UnsuitableEpisode
+from sonata2d.errors import ConfigError, ControllerError, SceneError, UnsuitableEpisode
 from sonata2d.formats.format import Options
 from sonata2d.formats.socnav3 import export as to_socnav3
 from sonata2d.gym import SocialNavEnv
+from sonata2d.learning import GraphPolicy
 from sonata2d.learning.graph import modern_graph
+from sonata2d.learning.graph.graph import NODE_TYPES
 from sonata2d.metrics import Trajectory
 from sonata2d.metrics.catalogue import METRICS
 from sonata2d.metrics.scene_difficulty import difficulty
@@ -179,12 +181,33 @@ def test_mirror_images_of_tasks_have_their_places_mirrored(tmp_path: Path) -> No
     assert flipped.goal.then == image.goal.then
 
 
+@pytest.mark.parametrize("task", ["follow", "then"])
+def test_graphs_have_the_goal_of_each_instant(task: str) -> None:
+    record = record_of(scene_of(TASKS[task]))
+    graph = modern_graph(record, len(record), frame="world", instants=4, interval=2.0)
+    is_goal = graph.node_type == NODE_TYPES.index("goal")
+    expected = record.goals[[graph.ticks[instant] for instant in graph.instant[is_goal]]]
+    columns = [graph.feature_names.index(name) for name in ("x", "y", "cos", "sin")]
+    found = graph.features[np.ix_(is_goal, columns)]
+    assert np.allclose(found, np.column_stack((expected[:, :2], np.cos(expected[:, 2]), np.sin(expected[:, 2]))))
+    assert len(np.unique(record.goals[:, :2], axis=0)) > 1
+    at_goal = modern_graph(record, len(record), frame="goal", instants=1)
+    assert np.allclose(at_goal.features[at_goal.node_type == NODE_TYPES.index("goal")][0, columns[:2]], 0.0)
+
+
+def test_the_policy_reads_the_graphs_of_its_recorded_task() -> None:
+    policy, record = GraphPolicy(), record_of(scene_of(TASKS["then"]))
+    policy.reset(record.scene())
+    for tick, snapshot in enumerate(record.snapshots()):
+        policy.act(snapshot)
+        read = policy.graph(record.scene())
+        assert np.allclose(read.features, modern_graph(record, tick, instants=1).features, atol=1e-9)
+
+
 def test_formats_with_one_goal_refuse_a_goal_that_moves() -> None:
     record = record_of(scene_of(TASKS["follow"]))
     with pytest.raises(UnsuitableEpisode, match=r"the robot has the task 'follow', and socnav3 has one position only"):
         to_socnav3(record, Options())
-    with pytest.raises(RecordError, match="graphs have one goal, and that of the task 'follow' moves"):
-        modern_graph(record, 3)
     with pytest.raises(ControllerError, match=r"Dwa drives to one position, and the goal of this scene moves"):
         record_of(record.scene(), Dwa())
 

@@ -56,8 +56,8 @@ def modern_graph(
     if frame == "robot":
         origin = observations[0].robot[: ROW_THETA + 1]
     elif frame == "goal":
-        goal, start = scene.goal, record.states.robot[0]
-        origin = np.array([goal.x, goal.y, float(arctan2(goal.y - start[1], goal.x - start[0]))])
+        (x, y), start = observations[0].goal[:ROW_THETA].tolist(), record.states.robot[0]
+        origin = np.array([x, y, float(arctan2(y - start[1], x - start[0]))])
     label = record.labels[tick] if tick < len(record) else None
     return graph_of_observations(SceneNodes(scene), observations, origin, label=label)
 
@@ -72,7 +72,7 @@ def graph_of_observations(
     m/s and rad/s; direction of the head; length and width, m; the point of the outline that is nearest to the robot,
     m; and the gap between the outlines, m. Static nodes have zero velocity; the head of a node without a head faces
     ahead; a wall node has the length and the direction of its piece; the size of the goal is the distance at which it
-    is reached.
+    is reached. The goal and the leaves of doors, which are walls, are where they are at each instant.
 
     Args:
         scene_nodes: of the scene of the episode.
@@ -95,8 +95,8 @@ def modern_rows(scene_nodes: SceneNodes, nodes: Nodes, observations: Sequence[Ob
     rows = np.empty((len(observations) * count, len(MODERN_FEATURES)))
     for i, observation in enumerate(observations):
         modern_features(
-            scene_nodes.fixed, nodes.goal, nodes.present, observation.humans, scene_nodes.radius, scene_nodes.shoulder,
-            observation.robot, scene.robot.radius, origin,
+            scene_nodes.at(observation)[0], nodes.goal, nodes.present, observation.humans, scene_nodes.radius,
+            scene_nodes.shoulder, observation.robot, scene.robot.radius, origin,
             (observations[0].tick - observation.tick) * scene.rules.dt, rows[i * count : (i + 1) * count],
         )  # fmt: skip
     return rows

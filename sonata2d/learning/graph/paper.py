@@ -109,9 +109,9 @@ def paper_rows(
     count, oldest = len(nodes), len(instants) - 1
     rows, position = np.empty((len(instants) * count, len(FEATURES))), np.empty((len(instants) * count, 2))
     for i, (current, before) in enumerate(instants):
-        selected = slice(i * count, (i + 1) * count)
+        selected, (fixed, pieces) = slice(i * count, (i + 1) * count), scene_nodes.at(current)
         paper_features(
-            scene_nodes.fixed, nodes.goal, scene_nodes.pieces, nodes.present, current.humans, before.humans,
+            fixed, nodes.goal, pieces, nodes.present, current.humans, before.humans,
             current.robot, before.robot, i, float(is_first and i == oldest), current.tick, rows[selected],
             position[selected],
         )  # fmt: skip
