@@ -13,6 +13,7 @@ from ..core.bounds import MAX_MAGNITUDE
 from ..core.portable_math import Array
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
+from ..errors import ConfigError
 from ..registry import OBSERVATION_PARTS
 from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.load import scenario_of
@@ -27,16 +28,24 @@ _PARTS: dict[Holder, tuple[str, str]] = {  # name of the part, and its rows
 
 
 class _Attributes(SnapshotPart):
-    """Base class of the parts: one row for each person or object, or a vector of the episode or of the robot's place.
+    """Base class of the parts: one row for each person or object, or a vector of the episode.
 
     Attributes:
+        of: holders of the attributes.
         numeric: columns of the attributes.
     """
 
     about = frozenset()
+    of: ClassVar[Holder] = "episode"
     numeric: ClassVar[tuple[AttributeColumn, ...]] = ()
 
     def begin(self, scene: Scene) -> None:
+        columns = attribute_columns(scene.attributes, self.of)
+        if [column.name for column in columns] != [column.name for column in self.numeric]:
+            raise ConfigError(
+                f"the part {self.name} is of a scenario with other attributes of {self.of} than {scene.name}; call "
+                "register_attribute_parts for this one before the environment is made"
+            )
         holders: list[Any] = [scene.attributes_of()]
         if self.rows_of:
             holders = [each.attributes for each in (scene.humans if self.rows_of == "humans" else scene.furniture)]
@@ -51,13 +60,11 @@ class _Attributes(SnapshotPart):
         out[index >= 0] = self._numbers[index[index >= 0]]
 
 
-class _AtRobot(SnapshotPart):
-    """Base class of the part with the attributes of the area in which the robot's centre is."""
-
-    about = frozenset({"robot"})
-    numeric: ClassVar[tuple[AttributeColumn, ...]] = ()
+class _AtRobot(_Attributes):
+    """The attributes of the area in which the robot's centre is."""
 
     def begin(self, scene: Scene) -> None:
+        super().begin(scene)
         self._scene = scene
 
     def fill(self, snapshot: Snapshot, rows: Rows, out: NDArray[Any]) -> None:
@@ -89,12 +96,11 @@ def register_attribute_parts(config: str | Path | ScenarioConfig) -> list[str]:
         bound = MAX_MAGNITUDE
         of_numbers = {"number": (bound, -bound), "yes_no": (1.0, 0.0), "classes": (1.0, 0.0)}
         fields: dict[str, Any] = {
-            "__doc__": f"Attributes of {of}.", "name": name, "rows_of": rows_of, "numeric": columns,
+            "__doc__": f"Attributes of {of}.", "name": name, "rows_of": rows_of, "of": of, "numeric": columns,
             "columns": tuple(Column(each.name, "", *of_numbers[each.spec.type]) for each in columns),
         }  # fmt: skip
-        base: type[SnapshotPart] = _AtRobot
-        if of != "areas":
-            base, fields["about"] = _Attributes, frozenset({rows_of} if rows_of else ())
+        base = _AtRobot if of == "areas" else _Attributes
+        fields["about"] = frozenset({"robot"} if of == "areas" else {rows_of} if rows_of else ())
         OBSERVATION_PARTS.register(name, type(f"Attributes_{name}", (base,), fields))
         names.append(name)
     return names

@@ -65,13 +65,13 @@ class Sizes:
         may enter.
         """
         drawn = (config.humans,) if config.humans is not None else (config.standing, config.wandering)
-        pairs = config.talking_pairs.max + config.walking_pairs.max
-        attending = config.at_laptop.max + config.at_plant.max + config.at_object.max
-        humans = sum(count.max for count in drawn if count is not None) + 2 * pairs
+        attending = sum(count for relation, count in config.additional if relation.humans == 1)
+        humans = sum(count.max for count in drawn if count is not None)
+        humans += sum(relation.humans * count for relation, count in config.additional)
         talking, walking = config.groups.talking_size.max, config.groups.walking_size.max
         groups = ((config.talking_groups.max, talking), (config.walking_groups.max, walking))
         humans += sum(count * size for count, size in groups)
-        humans += attending + config.seated.max + len(config.people) + sum(queue.waiting.max for queue in config.queues)
+        humans += config.seated.max + len(config.people) + sum(queue.waiting.max for queue in config.queues)
         humans += sum(other.count for other in config.robots)  # which are observed as people
         humans += _VISITORS if any(door.inflow > 0.0 for door in config.doors) else 0
         laptops = config.tables.max if config.laptops_on_tables else 0

@@ -26,6 +26,7 @@ from ..core.portable_math import Array, unit_vector
 from ..core.relations import ACTIVITIES, RELATIONS
 from ..core.scene import Scene
 from ..core.snapshot import Snapshot
+from ..errors import ConfigError
 from ..registry import OBSERVATION_PARTS
 
 _ENTITIES = frozenset({"robot", "goal", "humans", "objects", "walls"})
@@ -393,6 +394,11 @@ def part_named(name: str) -> type[ObservationPart]:
             return f"is about {unknown[0]!r}; the entities are {', '.join(sorted(_ENTITIES))}"
         return None if part.name == name else f"has the name {part.name!r}; use one name"
 
+    if name not in OBSERVATION_PARTS and name.endswith("_attributes"):
+        raise ConfigError(
+            f"no observation part is named {name!r}; parts with attributes exist after "
+            "sonata2d.gym.register_attribute_parts(scenario), which returns their names"
+        )
     part: type[ObservationPart] = OBSERVATION_PARTS.load(name, problem)
     return part
 

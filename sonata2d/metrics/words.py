@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.attributes import Attributes, AttributeValue
 from ..core.entities import AT_PERSON, DEFAULT_KIND, Interaction
+from ..core.geometry import inside_rings
 from ..core.portable_math import unit_vector
 from ..core.relations import ACTIVITY, RELATION
 from ..core.scene import Scene
@@ -54,8 +55,8 @@ class Instruction:
 
     Attributes:
         text: one or several sentences.
-        slots: ids of the people and objects that it names, and names of areas, by role: `destination`, `person`,
-            `undisturbed`, `fragile`, `no_go`, `slow`, `one_way`.
+        slots: ids of the people and objects that it names, and names of areas, by role: `destination`, `area`,
+            `person`, `undisturbed`, `fragile`, `no_go`, `slow`, `one_way`.
     """
 
     text: str
@@ -101,20 +102,25 @@ def instruction(scene: Scene) -> Instruction:
         place = name_of(scene, id)
     else:
         place = f"the place {_offset(*scene.robot.pose.to_local(scene.goal.position))} from your start"
+        if within := [a.name for a in scene.areas if inside_rings(goal[None], a.polygon, ())[0]]:
+            slots["area"], place = [within[0]], f"{place}, in the area {within[0]}"
     further = [f"the one {_offset(*scene.robot.pose.to_local(point))}" for point in scene.goal.then]
     if scene.goal.person is not None:
         slots["person"] = [scene.goal.person]
     who = f"person {scene.goal.person}"
+    carried = scene.attributes_of().get("robot_carries")
+    load = carried if isinstance(carried, str) and carried not in _NOTHING else ""
+    is_errand = bool(load) and scene.goal.task in ("go", "meet") and not further
+    go = f"Bring {load}" if is_errand else "Go"
     parts = [{
-        "go": f"Go to {place}" + (f", then to {listed(further)}, in this order" if further else ""),
-        "meet": f"Go to {who}", "follow": f"Follow {who}", "accompany": f"Go beside {who}",
+        "go": f"{go} to {place}" + (f", then to {listed(further)}, in this order" if further else ""),
+        "meet": f"{go} to {who}", "follow": f"Follow {who}", "accompany": f"Go beside {who}",
         "lead": f"Lead {who} to {place}", "wait": f"Go to {place} and wait there for {who}",
     }[scene.goal.task]]  # fmt: skip
     if "goal" in scene.unmeasured:
         parts = ["Drive among the people, to a goal that was not recorded"]
-    carried = scene.attributes_of().get("robot_carries")
-    if isinstance(carried, str) and carried not in _NOTHING:
-        parts.append(f"carry {carried}")
+    if load and ("goal" in scene.unmeasured or not is_errand):
+        parts.append(f"carry {load}")
     for ids, relation in _groups(scene.interactions):
         if RELATION[relation].group == "talking":
             single, plural = _VERBS[relation]

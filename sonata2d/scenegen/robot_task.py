@@ -16,6 +16,7 @@ from ..core.outlines import shape_gap
 from ..core.portable_math import PI, unit_vector
 from ..core.rng import RandomStream
 from ..errors import SceneError
+from ..registry import did_you_mean
 from .placement import Layout, PlacedShape
 from .scenario.config import ScenarioConfig
 from .scenario.people import path_segments
@@ -97,8 +98,9 @@ def draw_robot_task(
     _check_given(config, layout, space, "the robot")
     pieces = [piece for piece in furniture if piece.type == config.goal.object]
     if config.goal.object is not None and not pieces:
-        types = ", ".join(sorted({piece.type for piece in furniture})) or "no furniture"
-        raise SceneError(f"the goal is beside a {config.goal.object}, and the scene has {types}")
+        types = sorted({piece.type for piece in furniture})
+        hint = did_you_mean(config.goal.object, types) or f"; it has {', '.join(types) or 'no furniture'}"
+        raise SceneError(f"goal.object is {config.goal.object!r}, which is not in the scene{hint}")
     robot, goal = _drawn_task(config, layout, space, rng, "the robot", pieces)
     for x, y in config.goal.then:
         if not space.is_free_at((x, y)) or space.path(goal.position, (x, y)) is None:

@@ -16,7 +16,7 @@ from .brush import Brush
 from .canvas import Picture, PixelCanvas
 from .figures import draw_way, goal_part, human_parts, robot_part
 from .furniture import draw_furniture, half_size
-from .landmarks import draw_landmarks, draw_leaves
+from .landmarks import AREA_WORD, centre_of, draw_landmarks, draw_leaves
 from .layers import Layers, draw_gazes, draw_interactions, draw_velocities, draw_zones
 from .palette import FAINT, INK, PAPER, WALL, Colour
 from .projection import DEFAULT_SIDE, Camera
@@ -60,14 +60,14 @@ def backdrop(
     supersampled = camera.supersampled(fine)
     surface = pygame.Surface(supersampled.size, pygame.SRCALPHA if outside is None else 0, 32)
     surface.fill(outside if outside is not None else (*WALL, 0))
-    draw_still_parts(Brush(PixelCanvas(surface, fine), supersampled, fine), scene, layers)
+    draw_still_parts(Brush(PixelCanvas(surface, fine), supersampled, fine), scene, grid=layers.grid)
     return surface
 
 
-def draw_still_parts(brush: Brush, scene: Scene, layers: Layers) -> None:
-    """Draw the room and the objects in it."""
-    draw_room(brush, scene, grid=layers.grid)
-    draw_landmarks(brush, scene, attributes=layers.attributes)
+def draw_still_parts(brush: Brush, scene: Scene, *, grid: bool) -> None:
+    """Draw the room, with grid lines if `grid` is set, and the objects in it."""
+    draw_room(brush, scene, grid=grid)
+    draw_landmarks(brush, scene)
     draw_furniture(brush, scene)
 
 
@@ -132,6 +132,9 @@ def draw_words(canvas: Picture, camera: Camera, snapshot: Snapshot, layers: Laye
             yield Label("  ".join(words), camera.to_pixels(position), radius * camera.scale, colour)
 
     labels: list[Label] = []
+    for area in scene.areas if layers.attributes else ():
+        if words := attribute_text(area.attributes):
+            labels.append(Label(words, camera.to_pixels(centre_of(area)[0]), AREA_WORD / 2 * camera.scale, FAINT))
     for human in snapshot.humans:
         labels += label(human.id, human.pose.position, max(human.breadth, human.length) / 2)
     for robot in snapshot.robots:

@@ -143,6 +143,7 @@ export class SceneDrawing {
       const words = [layers.ids ? item.id : "", layers.attributes === false ? "" : item.words].filter(word => word || word === 0);
       if (words.length) this.drawWords(item, words.join("  "));
     }
+    if (layers.attributes !== false) for (const area of this.scene.areas) this.drawWords(area, area.words);
     finish(pen, camera);
   }
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from ..core.attributes import attribute_text
 from ..core.doors import DoorState
 from ..core.entities import Area
 from ..core.furniture_types import WOOD, WOOD_EDGE
@@ -17,6 +16,7 @@ from .palette import BLUE, FAINT, FLOOR, INK, WALL, Colour, mixed
 _WALL_WIDTH = 0.12  # m, as drawn by `room`: outward only
 _LEAF_WIDTH = 0.07  # m
 _JAMB, _LINE = 0.05, 0.02  # m, width of the door frame, and of lines
+AREA_WORD = 0.22  # m, height of the name of an area, which is in its middle
 _SLOT_RADIUS = 0.13  # m, of the mark where a pedestrian in a queue stands
 _QUEUE, _PLACE = mixed(FLOOR, FAINT, 0.45), mixed(FLOOR, INK, 0.3)
 _NO_GO: Colour = (200, 40, 40)
@@ -26,10 +26,10 @@ _DASH_SPACING = 0.16  # m, around a place
 _LARGEST_PLACE = 20.0  # m, radius beyond which dashes get longer
 
 
-def draw_landmarks(brush: Brush, scene: Scene, *, attributes: bool = True) -> None:
-    """Draw the areas, with their attributes if `attributes` is set, doors, queues and places of a scene."""
+def draw_landmarks(brush: Brush, scene: Scene) -> None:
+    """Draw the areas, doors, queues and places of a scene."""
     for area in scene.areas:
-        draw_area(brush, area, attribute_text(area.attributes) if attributes else "")
+        draw_area(brush, area)
     for door in scene.doors:
         draw_door(_at(brush, door.pose), door.width)
     for queue in scene.queues:
@@ -38,9 +38,9 @@ def draw_landmarks(brush: Brush, scene: Scene, *, attributes: bool = True) -> No
         draw_place(brush.at(place.position), place.radius)
 
 
-def draw_area(brush: Brush, area: Area, words_of_attributes: str = "") -> None:
-    """Draw an area in the colour of its first rule, if it has one, with its name, rules and attributes as words."""
-    (x, y), size = _centre_of(area)
+def draw_area(brush: Brush, area: Area) -> None:
+    """Draw an area in the colour of its first rule, with its name and rules as words; without rules only its name."""
+    (x, y), size = centre_of(area)
     words = area.name
     rules = ((area.no_go, _NO_GO), (area.speed_limit is not None, _SLOW), (area.one_way is not None, _WAY))
     colour = next((colour for holds, colour in rules if holds), None)
@@ -51,16 +51,14 @@ def draw_area(brush: Brush, area: Area, words_of_attributes: str = "") -> None:
         words += ": no robots"
     if area.speed_limit is not None:
         words += f": {area.speed_limit:g} m/s"
-    if words_of_attributes:
-        words += f" ({words_of_attributes})"
     if area.one_way is not None:
         arrow = brush.at((x, y - 0.28), (math.cos(area.one_way), math.sin(area.one_way)))
         arrow.stroke(mixed(FLOOR, _WAY, 0.6), [(-0.4, 0.0), (0.35, 0.0)], 0.05)
         arrow.polygon(mixed(FLOOR, _WAY, 0.6), [(0.5, 0.0), (0.28, 0.13), (0.28, -0.13)])
-    brush.at((x, y)).word(mixed(FLOOR, colour or FAINT, 0.75), words, size, 0.22)
+    brush.at((x, y)).word(mixed(FLOOR, colour or FAINT, 0.75), words, size, AREA_WORD)
 
 
-def _centre_of(area: Area) -> tuple[Point, float]:
+def centre_of(area: Area) -> tuple[Point, float]:
     """The middle of the box around an area, and its width; m."""
     xs, ys = zip(*area.polygon, strict=True)
     return ((min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2), 0.9 * (max(xs) - min(xs))

@@ -84,7 +84,7 @@ class Painter:
             surface.blit(self._fixed_room(camera, layers), (0, 0))
         else:
             surface.fill(self._outside)
-            draw_still_parts(brush, self._scene, layers)
+            draw_still_parts(brush, self._scene, grid=layers.grid)
         draw_moving_parts(brush, snapshot, layers, trails, cut_zones=self._cut_zones)
         draw_words(canvas, camera, snapshot, layers)
         return camera

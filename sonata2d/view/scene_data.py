@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 from ..core.attributes import attribute_text
 from ..core.doors import DoorState
-from ..core.entities import Furniture, Human
+from ..core.entities import Area, Furniture, Human
 from ..core.furniture_types import WOOD, WOOD_EDGE
 from ..core.proxemics import INTIMATE_DISTANCE, PERSONAL_DISTANCE, clearance, obstacle_clearance, touched_kind
 from ..core.relations import ACTIVITIES, ACTIVITY
@@ -22,7 +22,7 @@ from .brush import Brush
 from .draw import camera_for, draw_still_parts
 from .figures import draw_chassis, draw_foot, draw_head, draw_limbs, draw_target
 from .furniture import half_size
-from .landmarks import leaf_as_drawn
+from .landmarks import AREA_WORD, centre_of, leaf_as_drawn
 from .layers import Layers, visible_interactions
 from .legend import Legend
 from .palette import BLUE, FAINT, FLOOR, GOAL, INK, OTHER_ROBOT, REGARD, ROBOT, Colour, hex_colour, mixed, shaded
@@ -109,6 +109,11 @@ def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # no
             {"id": f.id, "type": f.type, "x": f.pose.x, "y": f.pose.y, "radius": 0.8 * min(half_size(f)), **_words(f)}
             for f in sorted(scene.furniture, key=lambda f: f.on is None)  # the pointer finds a laptop before its table
         ],
+        "areas": [
+            {"x": centre_of(a)[0][0], "y": centre_of(a)[0][1], "radius": AREA_WORD / 2, **_words(a)}
+            for a in scene.areas
+            if attribute_text(a.attributes)
+        ],
         "activities": ACTIVITIES,
         "activityTexts": {name: activity.text for name, activity in ACTIVITY.items()},
         "tones": {
@@ -127,8 +132,8 @@ def scene_data(scene: Scene, layers: Layers = Layers()) -> dict[str, Any]:  # no
     }
 
 
-def _words(entity: Human | Furniture) -> dict[str, str]:
-    """The attributes of a pedestrian or an object as words."""
+def _words(entity: Human | Furniture | Area) -> dict[str, str]:
+    """The attributes of a pedestrian, an object or an area as words."""
     words = attribute_text(entity.attributes)
     return {"words": words} if words else {}
 
@@ -225,7 +230,7 @@ def _camera_of(scene: Scene) -> Camera:
 def _room_url(scene: Scene, camera: Camera, layers: Layers) -> str:
     """The room as SVG in a data URL, transparent outside."""
     canvas = SvgCanvas(camera.size)
-    draw_still_parts(Brush(canvas, camera), scene, layers)
+    draw_still_parts(Brush(canvas, camera), scene, grid=layers.grid)
     return "data:image/svg+xml;base64," + base64.b64encode(ElementTree.tostring(canvas.root)).decode("ascii")
 
 

@@ -135,7 +135,7 @@ class Still:
         canvas = SvgCanvas.blank(self._size)
         brush = Brush(canvas, self.camera)
         with canvas.clip(self.camera.size):
-            draw_still_parts(brush, self.snapshot.scene, self.layers)
+            draw_still_parts(brush, self.snapshot.scene, grid=self.layers.grid)
             draw_moving_parts(brush, self.snapshot, self.layers, self.trails)
         self._annotate(canvas)
         return canvas

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import sonata2d as s2
+from sonata2d.agents.controllers import planner
 from sonata2d.agents.controllers.base import Controller
 from sonata2d.agents.controllers.cost_field import CELL, CostField
 from sonata2d.agents.controllers.loading import named_controllers
@@ -26,6 +27,7 @@ from sonata2d.core.proxemics import clearance
 from sonata2d.core.relations import TALKING
 from sonata2d.core.scene import Rules, Scene
 from sonata2d.core.snapshot import Outcome, Snapshot
+from sonata2d.metrics.situations import rehearse
 from sonata2d.registry import CONTROLLERS
 from sonata2d.sim.episode import Episode
 from sonata2d.sim.world import World
@@ -243,3 +245,34 @@ def test_a_copy_of_social_force_gives_the_same_commands() -> None:
 
 def test_error_classes_are_attributes_of_the_package() -> None:
     assert issubclass(s2.errors.SceneError, s2.Sonata2dError)
+
+
+@pytest.mark.parametrize("seed", [17, 40, 66])
+def test_planner_overtakes_a_person_who_walks_slowly_ahead(seed: int) -> None:
+    verdict = rehearse(s2.load_scenario("overtaking"), "overtaking", SocialPlanner(), episode=seed)
+    assert verdict.took_place, verdict.description
+
+
+@pytest.mark.parametrize("dt", [0.1, 0.25, 0.5])
+def test_planner_loses_patience_only_below_half_of_its_top_speed(dt: float) -> None:
+    config = s2.ScenarioConfig(
+        room={"polygon": [[0, -2], [40, -2], [40, 2], [0, 2]]}, standing=0, wandering=0, relations=0,
+        robot={"pose": [1, 0, 0]}, goal={"position": [39, 0]}, rules={"dt": dt},
+    )  # fmt: skip
+    for share, is_patient in ((0.55, True), (0.45, False)):
+        memory = SocialPlanner().memory(s2.generate(config, seed=1))
+        courtesies = [
+            planner._courtesy(memory.numbers, memory.layers, memory.progress, tick, (2.0 + share * tick * dt, 0.0))
+            for tick in range(round(30 / dt))
+        ]
+        assert courtesies[0] == 1.0
+        assert (min(courtesies) == 1.0) == is_patient
+
+
+def test_planner_without_patience_keeps_off_furniture() -> None:
+    config = s2.load_scenario("sonata-2020").changed(person={"ignores_robot": 0.5})
+    contacts = []
+    episode = Episode(s2.generate(config, seed=100035), SocialPlanner())
+    while (frame := episode.step()) is not None:
+        contacts += [contact for contact in frame.snapshot.contacts if contact.kind == "object"]
+    assert contacts == []

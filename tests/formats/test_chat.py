@@ -90,11 +90,25 @@ def test_an_instruction_names_destination_people_areas_and_fragile_things_by_the
     assert (task.slots["no_go"], task.slots["slow"]) == (["carpet"], ["ward"])
     fragile = [piece.id for piece in scene.furniture if (piece.attributes or {})["fragile"]]
     assert task.slots.get("fragile", []) == fragile
-    assert "carry a cup" in task.text
     assert "who argue" in task.text
     assert "do not enter the carpet" in task.text
-    assert task.text.startswith("Go to ")
+    assert task.text.startswith("Bring a cup to ")
     assert instruction(s2.generate("empty", 1)).slots == {}
+
+
+def test_an_instruction_says_what_to_bring_and_in_which_area() -> None:
+    carries = {"episode": {"robot_carries": {"type": "text", "value": "a glass"}}}
+    kitchen = [{"name": "kitchen", "polygon": [[2, -4], [6, -4], [6, 4], [2, 4]]}]
+    guest = [{"x": 3, "y": 2}]
+    found = instruction(s2.generate(s2.ScenarioConfig(**HALL, attributes=carries, areas=kitchen), 1))
+    assert found.text == "Bring a glass to the place 10.0 m ahead and 0.0 m left from your start, in the area kitchen."
+    assert found.slots == {"area": ["kitchen"]}
+    meet = s2.ScenarioConfig(**HALL | {"goal": {"task": "meet", "person": 1}}, attributes=carries, people=guest)
+    assert instruction(s2.generate(meet, 1)).text == "Bring a glass to person 1."
+    follow = {"goal": {"task": "follow", "person": 1}, "people": [{"x": 3, "y": 2, "goals": [[0, 0]]}]}
+    assert instruction(s2.generate(s2.ScenarioConfig(**HALL | follow, attributes=carries), 1)).text == (
+        "Follow person 1; carry a glass."
+    )
 
 
 def test_a_situation_describes_everything_in_the_robots_frame() -> None:

@@ -11,7 +11,7 @@ import sonata2d as s2
 from sonata2d.core.furniture_types import OBJECT_TYPES
 from sonata2d.core.geometry import Disc
 from sonata2d.core.portable_math import Array
-from sonata2d.core.relations import ACTIVITIES, RELATIONS
+from sonata2d.core.relations import ACTIVITIES, RELATION, RELATIONS, Relation
 from sonata2d.gym.observation import Encoder, Sizes
 from sonata2d.gym.parts import Observation
 
@@ -154,6 +154,17 @@ def test_what_is_far_away_is_shown_in_its_direction() -> None:
 def distance_to_line(point: Array, start: Array, end: Array) -> float:
     (x, y), (dx, dy) = point - start, end - start
     return abs(x * dy - y * dx) / math.hypot(dx, dy)
+
+
+@pytest.mark.parametrize("relation", RELATION.values(), ids=lambda relation: relation.setting)
+def test_all_people_and_objects_of_a_relation_have_rows(relation: Relation) -> None:
+    free = {"laptops_on_tables": False, "relations": 0}
+    config = s2.ScenarioConfig(room={"kinds": ["hall"]}, standing=0, wandering=0, **free, **{relation.setting: 3})
+    scene, sizes = s2.generate(config, seed=1), Sizes.of(config)
+    assert len(scene.humans) == 3 * relation.humans
+    assert sizes.humans == len(scene.humans)
+    assert sizes.objects >= len(scene.furniture)
+    assert sizes.interactions >= len(scene.interactions)
 
 
 def test_waiting_people_and_large_groups_have_rows() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import base64
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -178,6 +178,18 @@ def test_observations_have_the_attributes_as_parts() -> None:
         OBSERVATION_PARTS.registered.clear()
 
 
+def test_parts_of_another_scenario_are_refused() -> None:
+    try:
+        with pytest.raises(ConfigError, match=r"parts with attributes exist after sonata2d\.gym\.register_at"):
+            SocialNavEnv(ward(), parts=["human_attributes"])
+        names = register_attribute_parts(ward())
+        others = ward(attributes=DECLARED | {"people": {"emotion": ["calm", "angry"], "name": "text"}})
+        with pytest.raises(ConfigError, match="with other attributes of people than ward; call register_at"):
+            SocialNavEnv(others, parts=names).reset(seed=1)
+    finally:
+        OBSERVATION_PARTS.registered.clear()
+
+
 def test_graphs_have_the_attributes_as_features(tmp_path: Path) -> None:
     record = s2.read_episode(write(s2.generate(ward(), 2), tmp_path / "a.json"))
     plain, graph = (next(iter(GraphSamples(attributes=each, instants=1)(record))) for each in (False, True))
@@ -222,7 +234,13 @@ def test_pictures_show_the_attributes_as_words() -> None:
     )
     assert shown != hidden
     assert scene_data(scene)["humans"][0]["words"].startswith("angry")
-    assert b"bay (quiet)" in base64.b64decode(scene_data(scene)["room"].partition(",")[2])
+    assert [area["words"] for area in scene_data(scene)["areas"]] == ["quiet"]
+    areas = replace(scene, humans=(), furniture=(), interactions=())
+    with_words, without = (
+        pygame.image.tobytes(picture(snapshot_of(areas), layers=Layers(attributes=each)), "RGB")
+        for each in (True, False)
+    )
+    assert with_words != without
     assert (
         attribute_text({"emotion": "angry", "hurried": True, "calm": False, "age": 71.234})
         == "angry, hurried, age 71.2"

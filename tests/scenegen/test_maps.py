@@ -263,7 +263,7 @@ def test_a_drawing_in_svg_has_rooms_doors_and_furniture(tmp_path: Path) -> None:
     assert [(door.x, door.y) for door in config.doors] == [
         (pytest.approx(8.9, abs=0.05), pytest.approx(-2.5, abs=0.05))
     ]
-    assert found.notes == ["1 pieces of furniture are left out: they are in walls or outside"]
+    assert found.notes == ["furniture in walls or outside is left out: object at (10.25, -0.75)"]
     assert config.interior_doors == ()
     (leaf,) = scenario_from_map(path, unit=0.01, leaves="hinged").config.interior_doors
     assert (leaf.x, leaf.y, leaf.kind) == (pytest.approx(5.05, abs=0.05), pytest.approx(-2.65, abs=0.05), "hinged")
@@ -271,6 +271,16 @@ def test_a_drawing_in_svg_has_rooms_doors_and_furniture(tmp_path: Path) -> None:
     assert door.width == pytest.approx(0.9, abs=0.01)
     coloured = scenario_from_map(path, unit=0.01, walls=["#222222"], doors=["#ff0000"])
     assert coloured.config.room == config.room
+
+
+def test_doors_that_close_no_gap_are_noted(tmp_path: Path) -> None:
+    path = tmp_path / "flat.svg"
+    path.write_text(FLAT.replace("M 400 170 v 90 A 90 90 0 0 1 310 170", "M 300 170 v 90"))
+    found = scenario_from_map(path, unit=0.01)
+    assert found.notes[0] == (
+        "the door at (4.00, -2.65) is left out: it closes no gap between walls; draw it from wall to wall"
+    )
+    assert found.facts["rooms"] == 1
 
 
 def test_photographs_are_turned_as_their_camera_says(tmp_path: Path) -> None:
@@ -293,6 +303,9 @@ def test_layers_that_are_missing_are_named(tmp_path: Path) -> None:
     leaking = scenario_from_map(path, unit=0.01)
     assert leaking.facts["floor"] == pytest.approx(3.8 * 3.6, abs=0.1)
     assert leaking.notes[-1].startswith("these texts are not in an enclosed room: 'kitchen'; if they name rooms, close")
+    for kind in ("doors", "furniture", "rooms"):
+        with pytest.raises(ConfigError, match=rf"named like nope; the drawing has .*Walls.*\(--{kind} NAME\)"):
+            scenario_from_map(path, unit=0.01, **{kind: ["nope"]})
     path.write_text(FLAT.replace("doors", "swings"))
     with pytest.raises(ConfigError, match="no floor is enclosed by walls; close gaps in the outer walls"):
         scenario_from_map(path, unit=0.01)

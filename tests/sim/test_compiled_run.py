@@ -15,6 +15,7 @@ from sonata2d.agents.controllers.compiled import KernelController
 from sonata2d.core.compiled.kernel import IS_COMPILED, kernel
 from sonata2d.core.compiled.packing import Floats, unpack
 from sonata2d.core.devices import DeviceEvent
+from sonata2d.core.files.interruption import held_back
 from sonata2d.core.geometry import Twist
 from sonata2d.core.portable_math import Array, BoolArray
 from sonata2d.core.scene import Scene
@@ -290,6 +291,41 @@ def test_an_interruption_takes_effect_between_blocks(tmp_path: Any, monkeypatch:
     assert len(record) == len(episode.past) - 1
     expected = orjson.loads(whole.document())["frames"][: len(record)]
     assert record.document["frames"] == expected
+
+
+@pytest.mark.parametrize("sets_its_own", [False, True])
+def test_signal_handlers_are_as_before_after_a_run(sets_its_own: bool) -> None:
+    def own(*_: object) -> None: ...
+
+    class Setting(EpisodeRecorder):
+        def on_frames(self, frames: Frames) -> None:
+            super().on_frames(frames)
+            if sets_its_own:
+                signal.signal(signal.SIGTERM, own)
+
+    before = signal.signal(signal.SIGTERM, lambda *_: None)
+    handler = signal.getsignal(signal.SIGTERM)
+    try:
+        s2.Episode(s2.generate("lively", seed=3), s2.StraightToGoal(), observers=[Setting()]).run()
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        assert signal.getsignal(signal.SIGTERM) is (own if sets_its_own else handler)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_all_signals_of_a_block_take_effect_after_it() -> None:
+    seen: list[int] = []
+    before = {number: signal.signal(number, lambda n, _: seen.append(n)) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        with held_back() as blocks:
+            with blocks:
+                for number in before:
+                    signal.raise_signal(number)
+                assert seen == []
+            assert seen == [*before]
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def test_an_error_of_an_observer_keeps_the_frames_of_the_others() -> None:

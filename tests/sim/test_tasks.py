@@ -280,7 +280,7 @@ def test_goals_are_beside_an_object_of_a_type(tmp_path: Path) -> None:
     s2.Episode(scene, s2.SocialPlanner(), observers=[s2.JsonRecorder(path)]).run()
     assert s2.read_episode(path).scene().goal == scene.goal
     assert verify(path, replay=True) == []
-    with pytest.raises(SceneError, match="the goal is beside a sofa, and the scene has no furniture"):
+    with pytest.raises(SceneError, match=r"goal\.object is 'sofa', which is not in the scene; it has no furniture"):
         scene_of({"object": "sofa"})
     with pytest.raises(ConfigError, match="the goal is beside an object, or at a position or in an area"):
         scene_of({"object": "sofa", "position": [1, 1]})

@@ -17,6 +17,7 @@ from ...core.scene import Scene
 
 CELL = 0.1  # m
 _BLOCKED = 40.0  # price per metre where the robot does not fit; 1 is open ground
+HIGHEST = 12.0  # of ground where it fits: 1, up to 2 more near walls, 5 near people, 4 between people who interact
 _MAXIMUM_SWEEPS = 2000
 _ACROSS = 0.2  # cosine of the angle against a one-way direction, up to which a move counts as one across it
 _WAY_MARGIN = 0.4  # m, around a one-way area

@@ -26,7 +26,7 @@ from ...core.state import EXECUTED_OMEGA, EXECUTED_VX, EXECUTED_VY, HUMAN_SIZE
 from ...errors import ControllerError
 from ...registry import drive_class
 from .compiled import KernelController
-from .cost_field import CELL, CLEARANCE, PRICE, VALUE, CostField, grid_coordinate, interpolated
+from .cost_field import CELL, CLEARANCE, HIGHEST, PRICE, VALUE, CostField, grid_coordinate, interpolated
 from .heading_field import heading_cost, heading_field
 
 _TURNS = (-1.0, -0.5, -0.15, 0.0, 0.15, 0.5, 1.0)  # turn rates to try, fractions of the limit
@@ -365,9 +365,10 @@ def _cheapest(
             continue
         v, t = pairs[k, 0], pairs[k, 1]
         covered, contact = _ground_cost(
-            numbers, layers, solids.table, near, body, positions, headings, v, t, motions, until[k], before, direction
-        )
-        ground = end_cost[k] + courtesy * covered + contact
+            numbers, layers, solids.table, near, body, positions, headings, v, t, motions, until[k], before, direction,
+            courtesy,
+        )  # fmt: skip
+        ground = end_cost[k] + covered + contact
         braking = numbers[_CLOSING] * _shortfall(numbers, people, v, t, headings, motions, direction)
         cost = ground + braking + change[k]
         disturbance, crash = 0.0, 0.0
@@ -399,9 +400,10 @@ def _courtesy(numbers: Array, layers: Array, progress: Array, tick: int, positio
     here = _path_cost(numbers, layers, position[0], position[1])
     if progress[0] == math.inf:
         progress[0], progress[1] = here, tick
-    progress[0] += (here - progress[0]) * min(numbers[_DT] / _PROGRESS_TIME, 1.0)
+    # A mean that follows a steady motion lags by speed times time before it is updated, whatever the tick.
     if progress[0] - here > _SLOW_PROGRESS * numbers[_MAX_SPEED] * _PROGRESS_TIME:
         progress[1] = tick
+    progress[0] += (here - progress[0]) * min(numbers[_DT] / _PROGRESS_TIME, 1.0)
     overtime = max((tick - progress[1]) * numbers[_DT] - _IMPATIENCE, 0.0)
     return float(1.0 / (1.0 + overtime / _IMPATIENCE))
 
@@ -489,9 +491,11 @@ def _end_cost(
 @subroutine
 def _ground_cost(
     numbers: Array, layers: Array, barriers: Array, nearby: IntArray, body: _Body, positions: Array, headings: Array,
-    v: int, t: int, motions: Array, until: int, before: float, direction: Point,
+    v: int, t: int, motions: Array, until: int, before: float, direction: Point, courtesy: float,
 ) -> tuple[float, float]:  # fmt: skip
     """Surcharge of the ground that a trajectory covers, and cost of coming near walls and furniture.
+
+    Courtesy reduces the surcharge of ground where the robot fits, but not of gaps that are too narrow for it.
 
     A robot that is no disc may touch a wall as it turns: a trajectory that leads it away from there is not blocked.
     """
@@ -504,7 +508,9 @@ def _ground_cost(
     for k in range(until):
         x, y = positions[X, k + 1, t, v], positions[Y, k + 1, t, v]
         i, j = grid_coordinate(x, numbers[_LOW_X], nx), grid_coordinate(y, numbers[_LOW_Y], ny)
-        covered += (interpolated(layers[PRICE], i, j) - 1.0) * motions[_SPEED, k, v]
+        surcharge = interpolated(layers[PRICE], i, j) - 1.0
+        surcharge = courtesy * min(surcharge, HIGHEST - 1.0) + max(surcharge - (HIGHEST - 1.0), 0.0)
+        covered += surcharge * motions[_SPEED, k, v]
         if earliness > 0.0 and not has_price:
             continue
         # A corner of the grid cell, less than 1.5 cells away, tells whether a barrier can be near.

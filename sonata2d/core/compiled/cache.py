@@ -39,6 +39,7 @@ from ..files import interruption
 from ..files.ownership import foreign_access, is_own_file, make_private
 from ..files.whole_file import whole_file
 from ..notebook import notebook_shell
+from . import ahead
 from .key import NotCacheableError, key_of
 
 logger = logging.getLogger(__name__)
@@ -143,10 +144,27 @@ class _KernelFiles:
                 interruption.check()  # a compilation takes up to 10 s, and an episode needs a dozen
                 if name is None:
                     return self._compile(signature)
-                with _locked(name):
+                with _locked(name, ahead.compile_one if ahead.is_listed(self._kernel) else bool):
                     return self._compile(signature)
             except NumbaError as error:
                 raise KernelError(self._cause(error)) from error
+
+    def compile_if_free(self, signature: Any) -> bool:
+        """Compile the kernel, unless it is there or another process compiles it; returns whether it was compiled."""
+        import filelock
+
+        with global_compiler_lock:
+            name, folder = self._name(signature), writable_folder()
+            if name is None or folder is None or _find(name):
+                return False
+            lock = filelock.FileLock(_lock_path(folder, name))
+            if not _acquire(lock, 0.0):
+                return False
+            try:
+                self._compile(signature)
+            finally:
+                _unlock(lock)
+            return True
 
     def _cause(self, error: NumbaError) -> str:
         """Cause of an error of numba, whose message repeats itself for each function on the way, in up to 100 lines."""
@@ -222,6 +240,10 @@ def _make_symbols_unique(functions: list[FunctionType], key: str) -> None:
             _renamed.add(function)
 
 
+def _lock_path(folder: Path, name: str) -> Path:
+    return folder / f"{name}.lock"
+
+
 def _find(name: str) -> Path | None:
     """The file of that name, or None if it does not exist or others could have written it."""
     folder = cache_folder()
@@ -269,19 +291,24 @@ def _delete_old_files(folder: Path, kernel: str) -> None:
 
 
 @contextmanager
-def _locked(name: str) -> Iterator[None]:
-    """Wait while another process compiles the same."""
+def _locked(name: str, use_time: Callable[[], bool] = bool) -> Iterator[None]:
+    """Wait while another process compiles the same.
+
+    Args:
+        name: of the file.
+        use_time: called again and again while another process compiles, as long as it returns True.
+    """
     folder = writable_folder()
     if folder is None:
         yield
         return
     import filelock
 
-    lock = filelock.FileLock(folder / f"{name}.lock")
+    lock = filelock.FileLock(_lock_path(folder, name))
     with suppress(OSError, NotImplementedError):  # a file system without locks, or a process that hangs
-        try:
-            lock.acquire(timeout=_SILENT_WAIT)
-        except filelock.Timeout:
+        while not _acquire(lock, 0.0) and use_time():
+            interruption.check()
+        if not lock.is_locked and not _acquire(lock, _SILENT_WAIT):
             from multiprocessing import parent_process
 
             is_worker = parent_process() is not None  # which waits for another worker of the same program
@@ -292,9 +319,24 @@ def _locked(name: str) -> Iterator[None]:
         yield
     finally:
         if lock.is_locked:
-            lock.release()
-            with suppress(OSError):
-                Path(lock.lock_file).unlink(missing_ok=True)
+            _unlock(lock)
+
+
+def _acquire(lock: Any, timeout: float) -> bool:
+    """Acquire a lock within some seconds; returns whether no other process has it."""
+    import filelock
+
+    try:
+        lock.acquire(timeout=timeout)
+    except filelock.Timeout:
+        return False
+    return True
+
+
+def _unlock(lock: Any) -> None:
+    lock.release()
+    with suppress(OSError):
+        Path(lock.lock_file).unlink(missing_ok=True)
 
 
 _is_announced = False

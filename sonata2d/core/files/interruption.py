@@ -179,8 +179,9 @@ class Blocks:
     def __exit__(self, *_: object) -> None:
         self._is_inside = False
         if self._received:
-            received, self._received = self._received[0], []
-            self.handle(*received)
+            received, self._received = self._received, []
+            for each in received:
+                self.handle(*each)
 
 
 @contextmanager

@@ -96,17 +96,22 @@ def plan_of(path: Path, shapes: Sequence[DrawnShape], texts: Sequence[DrawnText]
         for shape in shapes
         if _matches(shape, options.walls) and not _matches(shape, options.doors)
     ]
-    if not walls:
-        known = sorted({name for shape in shapes for name in shape.layers})
-        listed = ", ".join(known[:20]) + (", …" if len(known) > 20 else "")
-        raise ConfigError(
-            f"{path}: no layer, group or colour is named like {', '.join(options.walls)}; the drawing has "
-            f"{listed or 'no names'}; give the one with walls (--walls NAME)"
-        )
+    usual = MapOptions()
+    for kind in ("walls", "doors", "furniture", "rooms"):
+        patterns = getattr(options, kind)
+        is_found = bool(walls) if kind == "walls" else any(_matches(shape, patterns) for shape in shapes)
+        if not is_found and (kind == "walls" or patterns != getattr(usual, kind)):
+            known = sorted({name for shape in shapes for name in shape.layers})
+            listed = ", ".join(known[:20]) + (", …" if len(known) > 20 else "")
+            raise ConfigError(
+                f"{path}: no layer, group or colour is named like {', '.join(patterns)}; the drawing has "
+                f"{listed or 'no names'}; give the one with {kind} (--{kind} NAME)"
+            )
     solid = shapely().union_all(walls)
     drawn = [shapely().LineString(s.points).buffer(_TOLERANCE) for s in shapes if _matches(s, options.doors)]
     doors = [door.convex_hull for door in polygons_of(shapely().union_all(drawn))]  # leaf and swing touch
-    thresholds = [part for hull in doors if (part := _threshold(hull, solid)) is not None]
+    found = [_threshold(hull, solid) for hull in doors]
+    thresholds = [part for part in found if part is not None]
     closing = shapely().union_all([solid, *thresholds])
     frame = shapely().box(*closing.bounds).buffer(1.0)
     enclosed = [
@@ -117,19 +122,27 @@ def plan_of(path: Path, shapes: Sequence[DrawnShape], texts: Sequence[DrawnText]
     outside = [part for part in polygons_of(frame.difference(closing)) if part.intersects(frame.exterior)]
     floors, inner, entrances = _connected(enclosed, thresholds)
     entrances = [door for door in entrances if any(part.distance(door) < _SLIT for part in outside)]
+    for hull, part in zip(doors, found, strict=True):
+        if not any(part is used for used in (*inner, *entrances)):
+            x, y = hull.centroid.coords[0]
+            notes.append(
+                f"the door at ({x:.2f}, {y:.2f}) is left out: it closes no gap between walls; draw it from wall to wall"
+            )
     floor, pillars = finished_floor(floors, options, tolerance=_TOLERANCE, largest_object=_LARGEST_OBJECT, notes=notes)
     furniture = [
         Piece(_type_of(s), hull) for s in _grouped(shapes, options.furniture) if (hull := _hull(s)) is not None
     ]
     inside = [piece for piece in furniture if floor.contains(piece.outline)]
     if len(inside) < len(furniture):
-        notes.append(f"{len(furniture) - len(inside)} pieces of furniture are left out: they are in walls or outside")
+        places = [(piece.type, *piece.outline.centroid.coords[0]) for piece in furniture if piece not in inside]
+        left_out = _listed(f"{type} at ({x:.2f}, {y:.2f})" for type, x, y in places)
+        notes.append(f"furniture in walls or outside is left out: {left_out}")
     areas = _named(shapes, texts, enclosed, floor, options) or rooms_of(floor)
     lost = [text.text for text in texts if not any(room.contains(shapely().Point(*text.position)) for room in enclosed)]
     if lost:
-        listed = ", ".join(map(repr, lost[:5])) + (", …" if len(lost) > 5 else "")
         notes.append(
-            f"these texts are not in an enclosed room: {listed}; if they name rooms, close gaps in their walls"
+            f"these texts are not in an enclosed room: {_listed(map(repr, lost))}; if they name rooms, close gaps in "
+            "their walls"
         )
     near = floor.buffer(2.0 * options.wall_width + 0.3)
     doors_outside = [
@@ -137,6 +150,12 @@ def plan_of(path: Path, shapes: Sequence[DrawnShape], texts: Sequence[DrawnText]
     ]
     doorways = [threshold.centroid.coords[0] for threshold in inner if floor.contains(threshold.centroid)]
     return Plan(floor, pillars + inside, areas, doors_outside, _picture(shapes), notes, doorways)
+
+
+def _listed(names: Iterable[str]) -> str:
+    """The first names of a list."""
+    first = [*names]
+    return ", ".join(first[:5]) + (", …" if len(first) > 5 else "")
 
 
 def _check_size(path: Path, shapes: Sequence[DrawnShape]) -> None:

@@ -26,6 +26,7 @@ from ...core.furniture_types import BUILT_IN
 from ...core.geometry import Barriers, Pose
 from ...core.humans import MAXIMUM_SPEED_RATIO, RESPONSE_TIME
 from ...core.labels import LabelSpec
+from ...core.relations import RELATION, Relation
 from ...core.scene import Rules
 from ...core.tasks import ARRIVED
 from ...errors import PluginWarning
@@ -360,11 +361,11 @@ class ScenarioConfig(Settings):
     @model_validator(mode="after")
     def _check_steps_of_people(self) -> Self:
         counts = (
-            self.standing, self.wandering, self.humans, self.talking_pairs, self.walking_pairs, self.talking_groups,
-            self.walking_groups, self.at_laptop, self.at_plant, self.at_object, self.seated,
+            self.standing, self.wandering, self.humans, self.talking_groups, self.walking_groups, self.seated,
             *(queue.waiting for queue in self.queues),
         )  # fmt: skip
-        drawn = any(count and count.max for count in counts) or any(door.inflow for door in self.doors)
+        drawn = any(count and count.max for count in counts) or any(count for _, count in self.additional)
+        drawn |= any(door.inflow > 0.0 for door in self.doors)
         people = [person for person in self.people if not person.track]
         dt, substeps = self.rules.dt, self.rules.substeps
         if (drawn or people) and dt > RESPONSE_TIME:
@@ -404,6 +405,11 @@ class ScenarioConfig(Settings):
     def other_tasks(self) -> list[tuple[RobotConfig, GoalConfig, str]]:
         """Robot, goal and controller of each other robot."""
         return [(other, other.goal, other.controller) for other in self.robots for _ in range(other.count)]
+
+    @property
+    def additional(self) -> list[tuple[Relation, int]]:
+        """The largest number of additional instances of each relation, with pedestrians of their own."""
+        return [(relation, getattr(self, relation.setting).max) for relation in RELATION.values()]
 
     def with_task(self, robot: RobotConfig, goal: GoalConfig) -> ScenarioConfig:
         """The scenario with another robot and goal in place of the first."""
