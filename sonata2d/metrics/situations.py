@@ -17,6 +17,7 @@ from ..agents.sensors.base import Renderer
 from ..core.geometry import Barriers, inside_rings
 from ..core.proxemics import SOCIAL_DISTANCE
 from ..core.vectors import lengths
+from ..core.wording import counted
 from ..errors import ConfigError
 from ..record.record import EpisodeRecord
 from ..record.recorder import EpisodeRecorder
@@ -218,7 +219,8 @@ def _through_a_door(area: str, enters: bool, encounter: Encounter) -> Verdict:
     near = int((beyond & (lengths(people - trajectory.position[passage]) < _DOOR_AUDIENCE)).sum())
     verb = "entered" if enters else "left"
     return Verdict(
-        near > 0, f"the robot {verb} the {area} with {near} people within {_DOOR_AUDIENCE:g} m beyond the door"
+        near > 0,
+        f"the robot {verb} the {area} with {counted(near, 'person')} within {_DOOR_AUDIENCE:g} m beyond the door",
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from ..core.arguments import whole_number
 from ..core.doors import InteriorDoor
 from ..core.entities import Furniture, Human
-from ..core.geometry import Barriers, Pose
+from ..core.geometry import Barriers, Pose, inside_rings
 from ..core.rng import RandomStream
 from ..core.scene import Scene, standing_throughout
 from ..errors import SceneError
@@ -76,6 +76,7 @@ def generate(config: str | Path | ScenarioConfig, seed: int = 0, episode: int = 
         plan, scenario = plan.mirrored(), mirror_config(config)
     fixed = fixed_furniture(scenario)
     _check_furniture(fixed, plan)
+    _check_areas(scenario, plan)
     furniture = [(piece.shape, piece.pose) for piece in fixed if piece.on is None]
     journey_rng = RandomStream(seed, episode, "journeys")  # so that scenes without journeys stay the same
     inner = place_interior_doors(scenario, plan, fixed, RandomStream(seed, episode, "scene", "interior doors"))
@@ -124,6 +125,19 @@ def _most_frequent(failures: list[SceneError]) -> SceneError:
     kinds = [re.sub(r"[\d-]", "", str(failure)) for failure in failures]
     kind = Counter(kinds).most_common(1)[0][0]
     return failures[len(kinds) - 1 - kinds[::-1].index(kind)]
+
+
+def _check_areas(config: ScenarioConfig, plan: FloorPlan) -> None:
+    """Require that each area has some of the floor, as far as points in a grid of 24 by 24 and corners show."""
+    for area in config.areas:
+        ring = np.array(area.polygon)
+        axes = [np.linspace(low, high, 26)[1:-1] for low, high in zip(ring.min(axis=0), ring.max(axis=0), strict=True)]
+        grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+        points = np.concatenate((grid[inside_rings(grid, area.polygon, ())], ring))
+        corners = inside_rings(np.array(plan.polygon), area.polygon, ())  # of a room that the area surrounds
+        if not inside_rings(points, plan.polygon, plan.holes).any() and not corners.any():
+            x, y = ring.mean(axis=0).tolist()
+            raise SceneError(f"the area {area.name!r} around ({x:.1f}, {y:.1f}) lies outside the room; move it")
 
 
 def _check_furniture(fixed: tuple[Furniture, ...], plan: FloorPlan) -> None:

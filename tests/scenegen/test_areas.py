@@ -127,7 +127,7 @@ def test_what_is_given_must_be_on_the_floor() -> None:
             s2.generate(config(**settings))
     attic = {"name": "attic", "polygon": [(20, 0), (22, 0), (22, 2)]}
     outside = config(areas=[*AREAS, attic], robot={"in": "kitchen"}, goal={"in": "attic"})
-    with pytest.raises(SceneError, match="no free start and goal for the robot in 'kitchen' and 'attic'"):
+    with pytest.raises(SceneError, match="the area 'attic' around .* lies outside the room; move it"):
         s2.generate(outside)
 
 
@@ -151,3 +151,24 @@ def test_files_and_mirror_images_hold_areas_and_holes(tmp_path: Path) -> None:
     assert image.areas[0].polygon == tuple((x, 0.0 - y) for x, y in KITCHEN[::-1])
     again = mirror_file(tmp_path / "image.json", tmp_path / "again.json")
     assert (again.scene().holes, again.scene().areas) == (scene.holes, scene.areas)
+
+
+@pytest.mark.parametrize(
+    ("polygon", "is_outside"),
+    [
+        ([[20, 20], [22, 20], [22, 22]], True),
+        ([[3.5, 0], [9, 0], [9, 2], [3.5, 2]], False),  # partly inside
+        ([[-9, -9], [9, -9], [9, 9], [-9, 9]], False),  # around the room
+        ([[-9, 0], [9, 0], [9, 0.1], [-9, 0.1]], False),  # across it
+        ([[0.6, 0.6], [0.9, 0.6], [0.9, 0.9], [0.6, 0.9]], True),  # in a hole
+    ],
+)
+def test_areas_outside_the_room_are_refused(polygon: list[list[float]], is_outside: bool) -> None:
+    hole = [[0.5, 0.5], [1.0, 0.5], [1.0, 1.0], [0.5, 1.0]]
+    room = {"polygon": [[-4, -3], [4, -3], [4, 3], [-4, 3]], "holes": [hole]}
+    config = s2.load_scenario("empty").changed(room=room, areas=[{"name": "bay", "polygon": polygon}])
+    if is_outside:
+        with pytest.raises(SceneError, match=r"the area 'bay' around \(.*\) lies outside the room; move it"):
+            s2.generate(config, seed=1)
+    else:
+        assert s2.generate(config, seed=1).areas[0].name == "bay"

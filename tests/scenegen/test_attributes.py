@@ -251,3 +251,8 @@ def test_pictures_show_the_attributes_as_words() -> None:
 def test_a_spec_says_why_a_value_does_not_fit() -> None:
     assert AttributeSpec("people", "age", "number").problem(3) is None
     assert AttributeSpec("people", "age", "number").problem("3") == "must be a number"
+
+
+def test_an_attribute_in_the_place_of_a_key_is_an_error_that_says_where_it_goes() -> None:
+    with pytest.raises(ConfigError, match=r"a declared attribute is given as attributes: \{emotion: …\}"):
+        ward(people=[{"x": 2.5, "y": 2.5, "emotion": "angry"}])

@@ -143,6 +143,8 @@ class Settings(BaseModel, metaclass=OneLineErrors):
                 if not (hint := did_you_mean(str(key), known)):
                     remedy = "; install the package, if a plug-in defines it" if cls._further_keys() else ""
                     hint = f"{remedy}; keys are {', '.join(known)}"
+                if "attributes" in known and not cls._further_keys():  # not of the scenario, which declares them
+                    hint += f"; a declared attribute is given as attributes: {{{key}: …}}"
                 raise setting_error(f"unknown key '{key}'{hint}", key, kind="unknown_key")
         return values
 
