@@ -136,8 +136,8 @@ def _check_areas(config: ScenarioConfig, plan: FloorPlan) -> None:
         points = np.concatenate((grid[inside_rings(grid, area.polygon, ())], ring))
         corners = inside_rings(np.array(plan.polygon), area.polygon, ())  # of a room that the area surrounds
         if not inside_rings(points, plan.polygon, plan.holes).any() and not corners.any():
-            x, y = ring.mean(axis=0).tolist()
-            raise SceneError(f"the area {area.name!r} around ({x:.1f}, {y:.1f}) lies outside the room; move it")
+            x, y = area.polygon[0]
+            raise SceneError(f"the area {area.name!r}, from ({x:g}, {y:g}), lies outside the room; move it")
 
 
 def _check_furniture(fixed: tuple[Furniture, ...], plan: FloorPlan) -> None:
