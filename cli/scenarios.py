@@ -169,8 +169,9 @@ _LENGTH = click.FloatRange(0.0, min_open=True)
 @click.option(
     "--leaves", type=click.Choice(["hinged", "sliding"]), help="Doors between rooms of a drawing open and close."
 )
+@click.option("--overwrite", is_flag=True, help="Replace scenario and picture of an earlier call.")
 @json_option
-def scenario_from_map(map_file: Path, output: Path, **options: Any) -> None:
+def scenario_from_map(map_file: Path, output: Path, overwrite: bool, **options: Any) -> None:
     """Create a scenario from a floor plan.
 
     FILE is a map.yaml of ROS, an image with dark walls, or a drawing in SVG or DXF. A picture of the walls on the map
@@ -182,7 +183,9 @@ def scenario_from_map(map_file: Path, output: Path, **options: Any) -> None:
     from sonata2d.view.stills import save_surface
 
     picture = output.with_name(f"{output.stem}-map.png")
-    require_new(output, picture)
+    is_map = map_file.resolve() in (output.resolve(), picture.resolve())
+    if is_map or not overwrite or output.exists() != picture.exists():  # one alone is not of an earlier call
+        require_new(output, picture)
     found = scenario_from_map(map_file, **{name: value for name, value in options.items() if value not in (None, ())})
     scene = generate(found.config)  # before anything is written: people and robot have space
     save_scenario(found.config, output)

@@ -46,7 +46,9 @@ _MAX_OVERLAP, _POINT_RADIUS = 0.09, 1e-6  # m, overlap of given outlines at the 
 def draw_starts(
     config: ScenarioConfig, plan: FloorPlan, furniture: tuple[Furniture, ...], rng: RandomStream
 ) -> ScenarioConfig:
-    """Draw the starts of those of `people` that start somewhere in an area; nothing is drawn if there are none.
+    """Draw the starts of those of `people` that start somewhere in an area, and headings that nothing else gives.
+
+    Nothing is drawn if there are no such people.
 
     Args:
         config: settings of the scenario.
@@ -74,7 +76,10 @@ def draw_starts(
                     "enlarge the area, or ask for fewer people in it"
                 )
             layout.occupy([(_STARTING, place)])
-            person = person.model_copy(update={"x": place.x, "y": place.y, "area": None})
+            start = {"x": place.x, "y": place.y, "area": None}
+            if person.theta is None and person.velocity is None and not person.goals and person.group is None:
+                start["theta"] = rng.uniform(-PI, PI)
+            person = person.model_copy(update=start)
         people.append(person)
     return config.model_copy(update={"people": tuple(people)})
 

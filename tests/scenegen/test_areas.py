@@ -58,7 +58,7 @@ def test_robot_goal_and_people_are_drawn_in_their_areas() -> None:
     people = [{"in": "hall"}, {"in": "kitchen", "behaviour": "wandering"}, {"in": "hall", "goals": [(1.0, 1.0)]}]
     settings = config(standing=0, wandering=0, tables=0, plants=0, people=people)
     settings = settings.changed(robot={"in": "kitchen"}, goal={"in": "hall"}, flip=0.5)
-    flipped = 0
+    flipped, headings = 0, set[float]()
     for episode in range(20):
         scene = s2.generate(settings, 2, episode)
         kitchen, hall = (area.polygon for area in scene.areas)
@@ -66,8 +66,12 @@ def test_robot_goal_and_people_are_drawn_in_their_areas() -> None:
         assert are_in(scene.goal.position, hall)
         for human, corners in zip(scene.humans, (hall, kitchen, hall), strict=True):
             assert are_in(human.pose.position, corners)
+        headings |= {human.pose.theta for human in scene.humans[:2]}
         flipped += kitchen != KITCHEN
     assert 0 < flipped < 20
+    assert len(headings) == 40
+    assert min(headings) < -2.0
+    assert max(headings) > 2.0
 
 
 def test_drawn_people_and_furniture_are_placed_by_the_shares_of_areas() -> None:

@@ -530,3 +530,10 @@ def test_the_command_writes_the_scenario_and_a_picture(tmp_path: Path) -> None:
     again = CliRunner().invoke(main, words)
     assert again.exit_code == 2
     assert "already exists" in again.output
+    out.write_text("of another time")
+    assert CliRunner().invoke(main, [*words, "--overwrite"], standalone_mode=False).exception is None
+    assert s2.load_scenario(out) == scenario_from_map(path).config
+    over_map = CliRunner().invoke(main, [*words[:-1], str(path), "--overwrite"])
+    assert "already exists" in over_map.output
+    out.unlink()
+    assert "two-map.png already exists" in CliRunner().invoke(main, [*words, "--overwrite"]).output

@@ -50,8 +50,8 @@ class PersonSpec(Settings):
         area: name of one of `areas`, in which the start is drawn, given instead of x and y; in files the key is `in`.
         jitter: maximum random offset of x, y (m) and theta (rad), in both directions, drawn for each scene; `goals`
             get the same offset.
-        theta: rad; default: direction of the velocity, else of the first goal, else 0. By default, the members of a
-            talking group face its centre.
+        theta: rad; default: direction of the velocity, else of the first goal, else 0, or drawn if the start is drawn
+            in an area. By default, the members of a talking group face its centre.
         velocity: m/s, world frame, at the start.
         behaviour: `standing`, `wandering`, `walking` (to `goals`) or `recorded` (moved along `track`). Default:
             recorded with a track, walking with goals, else standing.
