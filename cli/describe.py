@@ -15,6 +15,7 @@ from .output import show_json, show_table, wants_json
 
 if TYPE_CHECKING:
     from sonata2d.collect.agreement import Agreement, RaterConsistency
+    from sonata2d.core.attributes import Attributes
     from sonata2d.core.geometry import Shape
     from sonata2d.core.scene import Scene, Unmeasured
 
@@ -189,6 +190,23 @@ def _outline_text(shape: Shape) -> str:
     return f"{kind}, {length:g} m long, {width:g} m wide"
 
 
+def _attributes(scene: Scene) -> dict[str, Any]:
+    """The attributes of people, objects, areas and the episode: names and values, with how many have each."""
+    holders: dict[str, list[Attributes | None]] = {
+        "people": [human.attributes for human in scene.humans],
+        "objects": [piece.attributes for piece in scene.furniture],
+        "areas": [area.attributes for area in scene.areas],
+        "the episode": [scene.attributes_of()],
+    }
+    found: dict[str, Any] = {}
+    for of, all_values in holders.items():
+        pairs = [(name, value) for values in all_values for name, value in (values or {}).items()]
+        counts = Counter(name if isinstance(value, float) else f"{name}={value}" for name, value in pairs)
+        if counts:
+            found[of] = sorted(counts) if of == "the episode" else dict(sorted(counts.items()))
+    return found
+
+
 def _measured(scene: Scene, name: Unmeasured, text: str) -> str:
     """The text, unless the source of an imported episode lacks the value."""
     return "not in the source" if name in scene.unmeasured else text
@@ -196,6 +214,7 @@ def _measured(scene: Scene, name: Unmeasured, text: str) -> str:
 
 def _episode_rows(path: Path) -> Rows:
     """Contents of an episode file."""
+    from sonata2d.core.entities import DEFAULT_KIND
     from sonata2d.datasets.summaries import totals_of
     from sonata2d.record.reader import read_episode
 
@@ -220,6 +239,7 @@ def _episode_rows(path: Path) -> Rows:
         goal = f"{scene.goal.task} person {scene.goal.person}, near within {scene.goal.near:g} m" + (
             "" if scene.goal.moves else f", at {goal}"
         )
+    kinds = Counter(human.kind for human in scene.humans)
     rows: Rows = [
         ("episode", record.id),
         ("scenario", scene.family),
@@ -229,6 +249,9 @@ def _episode_rows(path: Path) -> Rows:
         ("contributor", record.contributor),
         ("context", record.context),
         ("people", f"{len(scene.humans)}, {walking} of them walking at the start"),
+        *([("kinds of people", dict(sorted(kinds.items())))] if [*kinds] not in ([], [DEFAULT_KIND]) else []),
+        *([("areas", [area.name for area in scene.areas])] if scene.areas else []),
+        *((f"attributes of {of}", value) for of, value in _attributes(scene).items()),
         *([("recorded people", recorded)] if recorded else []),
         *([("people who come or go", sometimes_absent)] if sometimes_absent else []),
         *([("never entered", f"{_text(missing)}; the place where they enter was occupied")] if missing else []),

@@ -287,9 +287,10 @@ def show_difficulty(scenario: str, scenes: int, seed: int, certifies: bool) -> N
     if wants_json():
         show_json({"scenario": config.name, "seed": seed, "scenes": rows})
         return
-    columns = [("value", "s"), ("straightness", ""), ("passage", "m"), ("density", "1/m²"), ("encounters", "")]
-    columns += [("standing", ""), *([("solvable", ""), ("time", "s")] if certifies else [])]
-    table = [["scene", *(f"{name}, {unit}" if unit else name for name, unit in columns)]]
+    columns = [("value", "s"), ("free_time", "s"), ("encounters", ""), ("standing", ""), ("narrowness", "")]
+    columns += [("turns", "rad"), ("passage", "m"), *([("solvable", ""), ("time", "s")] if certifies else [])]
+    names = [(name.replace("_", " "), unit) for name, unit in columns]
+    table = [["scene", *(f"{name}, {unit}" if unit else name for name, unit in names)]]
     table += [[f"{row['episode']:5d}", *(_cell(row[name]) for name, _ in columns)] for row in rows]
     for line in aligned(table):
         click.echo(line)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,8 @@ from typing import Any
 import numpy as np
 import pygame
 import pytest
+from click.testing import CliRunner
+from sonata2d_cli import main
 
 import sonata2d as s2
 from sonata2d.core.attributes import AttributeSpec, attribute_text
@@ -256,3 +259,14 @@ def test_a_spec_says_why_a_value_does_not_fit() -> None:
 def test_an_attribute_in_the_place_of_a_key_is_an_error_that_says_where_it_goes() -> None:
     with pytest.raises(ConfigError, match=r"a declared attribute is given as attributes: \{emotion: …\}"):
         ward(people=[{"x": 2.5, "y": 2.5, "emotion": "angry"}])
+
+
+def test_describe_shows_kinds_areas_and_attributes(tmp_path: Path) -> None:
+    path = write(s2.generate(ward(person={"kinds": {"adult": 1, "older": 1}}), 2), tmp_path / "a.json")
+    output = CliRunner().invoke(main, ["describe", str(path)]).output
+    rows = dict(re.split(r"  +", line, maxsplit=1) for line in output.splitlines() if "  " in line)
+    assert rows["kinds of people"] == "4 adult, 2 older"
+    assert rows["areas"] == "bay"
+    assert "1 emotion=angry, 5 emotion=calm" in rows["attributes of people"]
+    assert rows["attributes of areas"] == "1 quiet=True"
+    assert rows["attributes of the episode"].startswith("limit, urgency=")
