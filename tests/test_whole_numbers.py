@@ -38,7 +38,8 @@ from sonata2d.agents.sensors.base import SensorNoise
 from sonata2d.agents.sensors.lidar import LidarReading
 from sonata2d.benchmark import RatingModel, Sensing
 from sonata2d.benchmark.shown import Perception
-from sonata2d.core.entities import Furniture, Goal, Human, Limits, Robot, Wall
+from sonata2d.core.attributes import AttributeColumn, AttributeSpec
+from sonata2d.core.entities import Area, Furniture, Goal, Human, Limits, Robot, Wall
 from sonata2d.core.floats import FloatFields
 from sonata2d.core.geometry import Disc, Rectangle
 from sonata2d.core.scene import Rules
@@ -266,6 +267,13 @@ CASES: dict[str, Callable[[Number], Any]] = {
     **dict.fromkeys(("sonata2d.Door", "sonata2d.Queue", "sonata2d.Place"), scene_of),
     "sonata2d.InteriorDoor": lambda n: document(s2.SocialPlanner(), with_door(n)),
     "sonata2d.InteriorDoor.leaf": lambda n: with_door(float).interior_doors[0].leaf(n(1)),
+    "sonata2d.Scene.attributes_at": lambda n: (
+        replace(scene(), areas=(Area("bay", ((n(2), n(1)), (n(9), n(1)), (n(9), n(9))), attributes={"quiet": True}),))
+        .attributes_at(
+            [AttributeColumn(AttributeSpec("areas", "quiet", "yes_no"))], np.array([(n(5), n(2)), (n(1), n(1))])
+        )
+        .tolist()
+    ),
     "sonata2d.Scene.is_on_floor": lambda n: scene().is_on_floor(np.array([(n(3), n(4)), (n(40), n(4))])).tolist(),
     "sonata2d.Scene.save": lambda n: picture(scene, n),
     "sonata2d.Snapshot.save": lambda n: picture(lambda: snapshots()[3], n),

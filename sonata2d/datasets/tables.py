@@ -56,12 +56,12 @@ class PackedEpisode:
     Attributes:
         path: of its file, for messages.
         key: which joins its rows.
-        tables: by name, as Arrow writes them.
+        tables: of Arrow, by name.
     """
 
     path: Path
     key: str
-    tables: dict[str, bytes]
+    tables: dict[str, Any]
 
 
 def has_pyarrow() -> bool:
@@ -94,10 +94,7 @@ def pack(record: EpisodeRecord, key: str) -> PackedEpisode:
     for name, table in (("humans", "agents"), ("interactions", "interactions")):
         frames[name] = _nested(pa, columns[table], frames["tick"], schema["frames"].field(name).type)
     for name in TABLES:
-        sink = pa.BufferOutputStream()
-        with pa.ipc.new_stream(sink, schema[name]) as writer:
-            writer.write_table(pa.table(columns[name], schema=schema[name]))
-        packed[name] = sink.getvalue().to_pybytes()
+        packed[name] = pa.table(columns[name], schema=schema[name])
     return PackedEpisode(record.path, key, packed)
 
 
@@ -170,9 +167,9 @@ def _write_all(pa: Any, episodes: Iterator[PackedEpisode], writers: dict[str, An
                 f"{episode.path}: another episode is also named {episode.key}, which joins the tables; rename one file"
             )
         names.add(digest)
-        for table, data in episode.tables.items():
+        for table, rows in episode.tables.items():
             parts = waiting[table]
-            parts.append(pa.ipc.open_stream(data).read_all())
+            parts.append(rows)
             if len(parts) >= _JOINED:  # many small tables take far more memory than a large one
                 whole = pa.concat_tables(parts).combine_chunks()
                 parts[:] = [whole]

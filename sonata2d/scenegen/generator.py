@@ -9,8 +9,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import orjson
 
 from ..core.arguments import whole_number
 from ..core.doors import InteriorDoor
@@ -101,7 +103,20 @@ def generate(config: str | Path | ScenarioConfig, seed: int = 0, episode: int = 
         scene = replace(scene, robots=tuple(replace(robot, id=last + k) for k, robot in enumerate(scene.robots, 1)))
     if config.attributes.specs:
         scene = _with_attributes(scene, config.attributes, partial(RandomStream, seed, episode, "attributes"))
-    return scene.drawn_as(seed, episode, config.settings())
+    return scene.drawn_as(seed, episode, _settings_of(config))
+
+
+_last: tuple[ScenarioConfig, bytes] | None = None  # and its settings as JSON
+
+
+def _settings_of(config: ScenarioConfig) -> dict[str, Any]:
+    """`ScenarioConfig.settings`, which the scenes of a data set share; each has a copy."""
+    global _last
+    last = _last
+    if last is None or last[0] is not config:
+        last = _last = config, orjson.dumps(config.settings())
+    settings: dict[str, Any] = orjson.loads(last[1])
+    return settings
 
 
 def _with_attributes(scene: Scene, config: AttributesConfig, stream: Callable[..., RandomStream]) -> Scene:
