@@ -12,10 +12,11 @@ from typing import Any, Protocol
 
 from ..core.arguments import whole_number
 from ..core.files.optional import optional
+from ..core.garbage import without_garbage_collection
 from ..core.rng import RandomStream
 from ..core.wording import shown
 from ..errors import DatasetWarning, RecordError
-from ..record.reader import read_episodes, without_garbage_collection
+from ..record.reader import read_episodes
 from ..record.record import EpisodeRecord
 from ..workers.executors import Workers, parallel_map
 from ..workers.processes import end_if_unguarded

@@ -38,6 +38,7 @@ from ...errors import KernelError
 from ..files import interruption
 from ..files.ownership import foreign_access, is_own_file, make_private
 from ..files.whole_file import whole_file
+from ..garbage import without_garbage_collection
 from ..notebook import notebook_shell
 from . import ahead
 from .key import NotCacheableError, key_of
@@ -142,10 +143,11 @@ class _KernelFiles:
                 if name is not None and _find(name):
                     return self._compile(signature)
                 interruption.check()  # a compilation takes up to 10 s, and an episode needs a dozen
-                if name is None:
-                    return self._compile(signature)
-                with _locked(name, ahead.compile_one if ahead.is_listed(self._kernel) else bool):
-                    return self._compile(signature)
+                with without_garbage_collection():
+                    if name is None:
+                        return self._compile(signature)
+                    with _locked(name, ahead.compile_one if ahead.is_listed(self._kernel) else bool):
+                        return self._compile(signature)
             except NumbaError as error:
                 raise KernelError(self._cause(error)) from error
 
