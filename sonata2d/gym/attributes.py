@@ -17,14 +17,7 @@ from ..errors import ConfigError
 from ..registry import OBSERVATION_PARTS
 from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.load import scenario_of
-from .parts import Column, Rows, SnapshotPart
-
-_PARTS: dict[Holder, tuple[str, str]] = {  # name of the part, and its rows
-    "people": ("human_attributes", "humans"),
-    "objects": ("object_attributes", "objects"),
-    "areas": ("area_attributes", ""),
-    "episode": ("episode_attributes", ""),
-}
+from .parts import ATTRIBUTE_PARTS, Column, Rows, SnapshotPart
 
 
 class _Attributes(SnapshotPart):
@@ -89,7 +82,7 @@ def register_attribute_parts(config: str | Path | ScenarioConfig) -> list[str]:
         ConfigError: there is no such preset or file, or the file is invalid.
     """
     specs, names = scenario_of(config).attributes.specs, []
-    for of, (name, rows_of) in _PARTS.items():
+    for of, (name, rows_of) in ATTRIBUTE_PARTS.items():
         columns = attribute_columns(specs, of)
         if not columns:
             continue

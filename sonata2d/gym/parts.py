@@ -17,6 +17,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from ..core.attributes import Holder
 from ..core.compiled.packing import Ints
 from ..core.floats import FloatFields
 from ..core.furniture_types import OBJECT_TYPES
@@ -29,6 +30,12 @@ from ..core.snapshot import Snapshot
 from ..errors import ConfigError
 from ..registry import OBSERVATION_PARTS
 
+ATTRIBUTE_PARTS: dict[Holder, tuple[str, str]] = {  # name of the part, and its rows; see `register_attribute_parts`
+    "people": ("human_attributes", "humans"),
+    "objects": ("object_attributes", "objects"),
+    "areas": ("area_attributes", ""),
+    "episode": ("episode_attributes", ""),
+}
 _ENTITIES = frozenset({"robot", "goal", "humans", "objects", "walls"})
 Floats32 = NDArray[np.float32]
 Observation = dict[str, NDArray[Any]]
@@ -394,7 +401,7 @@ def part_named(name: str) -> type[ObservationPart]:
             return f"is about {unknown[0]!r}; the entities are {', '.join(sorted(_ENTITIES))}"
         return None if part.name == name else f"has the name {part.name!r}; use one name"
 
-    if name not in OBSERVATION_PARTS and name.endswith("_attributes"):
+    if name not in OBSERVATION_PARTS and name in (part for part, _ in ATTRIBUTE_PARTS.values()):
         raise ConfigError(
             f"no observation part is named {name!r}; parts with attributes exist after "
             "sonata2d.gym.register_attribute_parts(scenario), which returns their names"

@@ -153,7 +153,7 @@ class RecruitmentConfig(Settings):
         declined: for people who do not consent.
         screened_out: for people whose answer ended the study.
         full: for people who arrive when the study is full.
-        minutes: time without an event after which a participant who has not finished loses the place; by default never.
+        minutes: a participant who does nothing for this time before the end loses the place; by default never.
     """
 
     ids: Annotated[tuple[ExternalName, ...], Field(max_length=10)] = ()
@@ -191,7 +191,7 @@ class RequiresConfig(Settings):
 class QuotaConfig(Settings):
     """Places by the answer to a demographic question, such as 20 for women and 20 for men.
 
-    A participant whose answer has no place left is told that the study is full. The rows of Latin squares, and
+    A participant whose answer is of a quota that is full is told that the study is full. The rows of Latin squares, and
     the blocks of the order `between`, are balanced among the participants with the same answer.
 
     Attributes:

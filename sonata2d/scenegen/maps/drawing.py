@@ -101,8 +101,7 @@ def plan_of(path: Path, shapes: Sequence[DrawnShape], texts: Sequence[DrawnText]
         patterns = getattr(options, kind)
         is_found = bool(walls) if kind == "walls" else any(_matches(shape, patterns) for shape in shapes)
         if not is_found and (kind == "walls" or patterns != getattr(usual, kind)):
-            known = sorted({name for shape in shapes for name in shape.layers})
-            listed = ", ".join(known[:20]) + (", …" if len(known) > 20 else "")
+            listed = _listed(sorted({name for shape in shapes for name in shape.layers}), 20)
             raise ConfigError(
                 f"{path}: no layer, group or colour is named like {', '.join(patterns)}; the drawing has "
                 f"{listed or 'no names'}; give the one with {kind} (--{kind} NAME)"
@@ -152,10 +151,10 @@ def plan_of(path: Path, shapes: Sequence[DrawnShape], texts: Sequence[DrawnText]
     return Plan(floor, pillars + inside, areas, doors_outside, _picture(shapes), notes, doorways)
 
 
-def _listed(names: Iterable[str]) -> str:
+def _listed(names: Iterable[str], most: int = 5) -> str:
     """The first names of a list."""
-    first = [*names]
-    return ", ".join(first[:5]) + (", …" if len(first) > 5 else "")
+    every = [*names]
+    return ", ".join(every[:most]) + (", …" if len(every) > most else "")
 
 
 def _check_size(path: Path, shapes: Sequence[DrawnShape]) -> None:
