@@ -96,9 +96,9 @@ SIZES = {
         scenes={"few": 60, "many": 1000, "everywhere": 20},
         bias=60,
         fewest_runs=10,
-        careful={PRESET: 600, "sonata-2020-crowded": 500, "lively": 500, "other": 40},
-        shipped_met={PRESET: 300, "sonata-2020-crowded": 300, "lively": 250, "other": 30},
-        shipped_rounds=3,
+        careful={PRESET: 600, "sonata-2020-crowded": 500, "lively": 600, "other": 40},
+        shipped_met={PRESET: 350, "sonata-2020-crowded": 300, "lively": 350, "other": 30},
+        shipped_rounds=4,
         shipped_epochs=10,
     ),
     "small": Settings(

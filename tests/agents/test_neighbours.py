@@ -15,6 +15,7 @@ from sonata2d.agents.pedestrians.neighbours import (
     WALL_RANGE,
     find_neighbours,
     find_walls,
+    range_of,
     with_longer_lists,
 )
 from sonata2d.core.barrier_grid import Solids, solids_of
@@ -82,7 +83,9 @@ def test_the_neighbours_are_those_of_a_search_through_all_pairs(seed: int) -> No
     distance = np.sqrt(x * x + y * y)
     is_neighbour = (distance < INTERACTION_RANGE) | ((group[:, None] == group) & (group >= 0))
     is_neighbour &= is_present[:, None] & is_present & ~np.eye(count, dtype=bool)
-    attention = np.clip((INTERACTION_RANGE - distance) / FADING_DISTANCE, 0.0, 1.0)
+    in_sight = (is_neighbour & (distance < INTERACTION_RANGE)).sum(axis=1).tolist()
+    reach = np.array([range_of(number) for number in in_sight]).reshape(-1, 1)
+    attention = np.clip((reach - distance) / FADING_DISTANCE, 0.0, 1.0)
 
     for is_compiled in (False, True):
         walkers = walkers_at(position, group, count * count)
@@ -112,6 +115,16 @@ def test_the_walls_of_each_pedestrian_are_those_within_the_range(seed: int) -> N
     for i in range(count):
         expected = np.flatnonzero(gaps[:, i] < WALL_RANGE) if is_present[i] else []
         assert walkers.wall[slice(*walkers.wall_start[i : i + 2])].tolist() == list(expected)
+
+
+def test_the_range_shrinks_in_a_crowd_and_people_behind_walls_are_not_counted() -> None:
+    assert [range_of(number) for number in (0, 20)] == [INTERACTION_RANGE] * 2
+    assert range_of(80) == INTERACTION_RANGE / 2.0
+    position = np.array([(0.0, 0.0), (4.0, 0.0), *((0.0, -1.0 - 0.02 * k) for k in range(79))])
+    walkers = walkers_at(position, np.full(81, -1), 81 * 81)
+    for walls, expected in ((NO_WALLS, 0.0), (solids_of(Barriers.of([((-5.0, -0.5), (5.0, -0.5), 0.05)])), 1.0)):
+        find_neighbours(walkers, np.ones(81, dtype=bool), walls)
+        assert walkers.attention[0] == expected  # of the first pedestrian to the second
 
 
 def test_lists_that_are_too_short_are_left_alone_and_their_length_is_returned() -> None:

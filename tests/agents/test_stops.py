@@ -280,3 +280,20 @@ def test_a_group_has_via_points_on_every_leg() -> None:
 def test_a_pre_movement_time_needs_a_person_that_walks() -> None:
     with pytest.raises(s2.errors.ConfigError, match=r"people\.0\.pre_movement: pre_movement needs a person that walks"):
         s2.load_scenario("empty").changed(people=[{"x": 0, "y": 0, "pre_movement": [3, 3]}])
+
+
+@pytest.mark.parametrize("reacts", [1.0, 0.0])
+def test_people_who_mind_the_robot_stop_away_from_it(reacts: float) -> None:
+    people = [
+        walker(k + 1, 3.0 * x, 3.0 * y, reacts_to_robot=reacts)
+        for k, (x, y) in enumerate([(-1, -1), (-1, 1), (1, -1), (1, 1)])
+    ]
+    square = ((-4.0, -4.0), (4.0, -4.0), (4.0, 4.0), (-4.0, 4.0))
+    social = Social(pause=(2.0, 6.0), stops=6.0, stop_time=(1.0, 4.0))
+    nearest = []
+    for seed in range(3):
+        scene = room(people, polygon=square, robot=Pose(0.0, 0.0), social=social, seed=seed)
+        track, walks = tracks(scene, 240.0)
+        stands = ~walks[10:] & ~walks[:-10]
+        nearest.append(np.hypot(*np.moveaxis(track[10:], -1, 0))[stands].min())
+    assert (min(nearest) > 0.85) == (reacts > 0.0)

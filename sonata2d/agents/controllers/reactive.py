@@ -29,7 +29,7 @@ from ..pedestrians.models.base import (
     pedestrian_model,
     use_leaves,
 )
-from ..pedestrians.neighbours import FADING_DISTANCE, INTERACTION_RANGE, WALL_RANGE
+from ..pedestrians.neighbours import FADING_DISTANCE, INTERACTION_RANGE, WALL_RANGE, range_of
 from .base import Controller
 from .compiled import KernelController
 
@@ -179,7 +179,8 @@ class SocialForce(Controller):
         distance = np.sqrt(offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1])
         near = np.flatnonzero(distance < INTERACTION_RANGE)
         walkers.neighbour_start[-1], walkers.neighbour[: len(near)] = len(near), near
-        walkers.attention[: len(near)] = np.minimum((INTERACTION_RANGE - distance[near]) / FADING_DISTANCE, 1.0)
+        attention = (range_of(len(near)) - distance[near]) / FADING_DISTANCE
+        walkers.attention[: len(near)] = attention.clip(0.0, 1.0)
         self._solids.move(snapshot.state.doors, _FROM_LEAF)
         walls = rows_within(self._solids.packed, robot.position, WALL_RANGE)
         walkers.wall_start[-1], walkers.wall[: len(walls)] = len(walls), walls

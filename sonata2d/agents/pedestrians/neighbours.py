@@ -14,6 +14,7 @@ from ...core.portable_math import Array, BoolArray, IntArray
 from .models.base import Walkers
 
 INTERACTION_RANGE = 5.0  # m, between centres; pedestrians that are farther apart do not affect each other
+_ATTENDED = 20.0  # number of others in sight from which on the range shrinks: near people hide those behind them
 WALL_RANGE = 2.0  # m, from the centre of a pedestrian to the surface of a wall; others have no effect on it
 FADING_DISTANCE = 1.0  # m, over which attention falls to 0 at the range, so that no force sets in suddenly
 _CELL = 1.001 * INTERACTION_RANGE  # m, minimum width: rounding must not put a pair within the range two cells apart
@@ -23,7 +24,8 @@ _CELL = 1.001 * INTERACTION_RANGE  # m, minimum width: rounding must not put a p
 def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Solids) -> int:
     """Fill the neighbour lists: pedestrians within the interaction range, and the members of the same walking group.
 
-    The time grows with the number of pedestrians and of neighbours. The lists do not depend on the cells.
+    The time grows with the number of pedestrians and of neighbours. The lists do not depend on the cells. The attention
+    to a neighbour is 1 near by and falls to 0 at the range of `range_of`; it is 0 for a neighbour out of sight.
 
     Args:
         walkers: `position` and `group` are used; `neighbour_start`, `neighbour` and `attention` are filled.
@@ -36,8 +38,8 @@ def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Solids
     """
     position, start, neighbour = walkers.position, walkers.neighbour_start, walkers.neighbour
     count, capacity = len(position), len(neighbour) // 2  # pairs
-    # The pairs: of each pedestrian the neighbours before it in the scene's order, and the attention to them.
-    earlier, weight = np.empty(capacity + count, np.int64), np.empty(capacity + count)
+    # The pairs: of each pedestrian the neighbours before it in the scene's order, and their distances.
+    earlier, away = np.empty(capacity + count, np.int64), np.empty(capacity + count)
     first_pair, later = np.empty(count + 1, np.int64), np.zeros(count, np.int64)
     grid = _empty_grid(position, is_present)
     last_of_group, previous_member = np.full(count, -1, np.int64), np.empty(count, np.int64)
@@ -62,10 +64,9 @@ def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Solids
         for n in range(first_pair[i], pairs):
             j = earlier[n]
             later[j] += 1
-            weight[n] = 0.0
+            away[n] = INTERACTION_RANGE
             if n < near and not is_crossed(view_blocks, x, y, position[j, 0], position[j, 1]):
-                distance = length(position[j, 0] - x, position[j, 1] - y)
-                weight[n] = clipped((INTERACTION_RANGE - distance) / FADING_DISTANCE, 0.0, 1.0)
+                away[n] = length(position[j, 0] - x, position[j, 1] - y)
     first_pair[count] = pairs
 
     # Later neighbours arrive in ascending order. Reading them row by row gives the earlier ones in that order.
@@ -79,7 +80,7 @@ def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Solids
     for i in range(count):
         for n in range(first_pair[i], first_pair[i + 1]):
             place = later[earlier[n]]
-            neighbour[place], walkers.attention[place] = i, weight[n]
+            neighbour[place], walkers.attention[place] = i, away[n]
             later[earlier[n]] = place + 1
     for i in range(count):
         later[i] = start[i]
@@ -88,7 +89,29 @@ def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Solids
             place = later[neighbour[n]]
             neighbour[place], walkers.attention[place] = i, walkers.attention[n]
             later[neighbour[n]] = place + 1
+    for i in range(count):
+        in_sight = 0
+        for n in range(start[i], start[i + 1]):
+            in_sight += walkers.attention[n] < INTERACTION_RANGE
+        reach = range_of(in_sight)
+        for n in range(start[i], start[i + 1]):
+            walkers.attention[n] = clipped((reach - walkers.attention[n]) / FADING_DISTANCE, 0.0, 1.0)
     return total
+
+
+@subroutine
+def range_of(in_sight: int) -> float:
+    """Distance within which a pedestrian attends to others, m.
+
+    In a crowd it is the radius of a circle with about the same number of people at any density.
+
+    Args:
+        in_sight: number of others in sight within `INTERACTION_RANGE`.
+
+    Source: the denser a crowd, the more of it is hidden behind near people (Wirth et al., PNAS Nexus 2 (2023) pgad118);
+    the formula is ours.
+    """
+    return INTERACTION_RANGE * min(math.sqrt(_ATTENDED / max(in_sight, 1)), 1.0)
 
 
 @subroutine

@@ -66,10 +66,12 @@ def wanted_twist(walkers: Walkers, i: int, barriers: Array, twist: float, side: 
         if lx * rx + ly * ry < _OPPOSITE:
             gap = min(gap, wall_left + wall_right)
     for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
+        if walkers.attention[n] == 0.0:
+            continue
         j = walkers.neighbour[n]
         dx, dy = walkers.position[j, 0] - x, walkers.position[j, 1] - y
         ahead, aside = dx * ex + dy * ey, ex * dy - ey * dx
-        if walkers.attention[n] > 0.0 and -_NEAR_BEHIND < ahead < _NEAR_AHEAD and abs(aside) < _BESIDE:
+        if -_NEAR_BEHIND < ahead < _NEAR_AHEAD and abs(aside) < _BESIDE:
             bx, by = walkers.body_direction[j, 0], walkers.body_direction[j, 1]
             half = walkers.radius[j] + extent(-ey, ex, bx, by, walkers.shoulder[j])
             if abs(aside) < half:

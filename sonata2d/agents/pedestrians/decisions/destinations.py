@@ -62,7 +62,7 @@ from .acts import (
     y_of,
 )
 from .places import AHEAD, place_beside, slot_place, start_exit, tail_of
-from .stops import FROM_SOLIDS, is_beside_stranger, via_point
+from .stops import FROM_SOLIDS, is_beside_others, via_point
 from .tasks import POSITION_SPACING
 
 _APPROACH_TIME = 25.0  # s, after which a task whose position was not reached is given up
@@ -91,8 +91,8 @@ def choose_destination(packed_state: Any, k: int, tick: int) -> None:
         to_x, to_y = routes.destination[k, 0], routes.destination[k, 1]
         if is_near(x, y, to_x, to_y, _STOPPING_DISTANCE):
             rest_x, rest_y = resting_place_of(crowd, k)
-            # One that wanders goes elsewhere if somebody stands where it would come to rest.
-            if routes.goals_left[k] >= 0 or not is_beside_stranger(crowd, k, rest_x, rest_y):
+            # One that wanders goes elsewhere if somebody, or a robot, stands where it would come to rest.
+            if routes.goals_left[k] >= 0 or not is_beside_others(crowd, k, rest_x, rest_y):
                 _stay_here(crowd, k, journeys.stay[k], tick)
                 return
     route = np.empty((LONGEST_PATH, 2))

@@ -10,6 +10,7 @@ from ....core.compiled.kernel import kernel, subroutine
 from ....core.compiled.packing import unpack
 from ....core.compiled.scalar import exp, length
 from ....core.free_space import Space, is_clear, is_free
+from ....core.humans import X, Y
 from ....core.philox import uniform, uniform_between
 from ..crowd_state import WAYS, CrowdState
 from ..routes import is_near, stopping_distance
@@ -23,8 +24,9 @@ _ATTEMPTS = 3
 _CROWD = 2.0  # sum of the weights of strangers, which fall to 1/e over 1 m, from which there are no via points
 _COMPANY = 4.0  # m, from a member of the group whose via points and stops a pedestrian shares
 _LEAST_SPEED = 0.3  # m/s, of a pedestrian that stops on its way
-# Free distances where a pedestrian stops, m: from walls and furniture, from strangers, and from its destination.
-FROM_SOLIDS, _FROM_STRANGERS, _FROM_DESTINATION = 0.65, 0.75, 1.0
+# Free distances where a pedestrian stops, m, from its centre: to walls and furniture, the centres of strangers, the
+# circle around a robot, and its destination.
+FROM_SOLIDS, _FROM_STRANGERS, _FROM_ROBOTS, _FROM_DESTINATION = 0.65, 0.75, 0.65, 1.0
 
 
 @subroutine
@@ -135,7 +137,7 @@ def _may_stop(crowd: CrowdState, k: int) -> bool:
 def _stop_place(crowd: CrowdState, k: int) -> tuple[bool, float, float]:
     """Whether pedestrian k can stop where it would come to rest on its way, and that place, m.
 
-    People do not stop in doorways, close to walls, or close to strangers.
+    People do not stop in doorways, close to walls, or close to strangers and robots.
     """
     routes, walkers = crowd.routes, crowd.walkers
     x, y = x_of(crowd, k), y_of(crowd, k)
@@ -153,15 +155,19 @@ def _stop_place(crowd: CrowdState, k: int) -> tuple[bool, float, float]:
         disc = crowd.fixtures.kept_free[n]
         if is_near(disc[0], disc[1], to_x, to_y, disc[2]):
             return False, to_x, to_y
-    if is_beside_stranger(crowd, k, to_x, to_y):
-        return False, to_x, to_y
-    return True, to_x, to_y
+    return not is_beside_others(crowd, k, to_x, to_y), to_x, to_y
 
 
 @subroutine
-def is_beside_stranger(crowd: CrowdState, k: int, x: float, y: float) -> bool:
-    """Whether a place, m, is too close to a pedestrian that is not in the group of pedestrian k."""
-    first = crowd.routes.first
+def is_beside_others(crowd: CrowdState, k: int, x: float, y: float) -> bool:
+    """Whether a place, m, is too close to a pedestrian that is not in the group of pedestrian k, or to a robot.
+
+    A pedestrian that ignores the robot stops beside it, too.
+    """
+    first, robots = crowd.routes.first, crowd.robots
+    for r in range(len(robots.radius) if crowd.reactions.weight[k] > 0.0 else 0):
+        if is_near(robots.state[r, X], robots.state[r, Y], x, y, robots.radius[r] + _FROM_ROBOTS):
+            return True
     for other in range(len(crowd.is_present)):
         is_stranger = other != k and crowd.is_present[other] and first[other] != first[k]
         if is_stranger and is_near(x_of(crowd, other), y_of(crowd, other), x, y, _FROM_STRANGERS):

@@ -469,11 +469,11 @@ def own_course(walkers: Walkers, i: int, memory: Memory, parameters: Sonata2026)
     p, lead, crowd = parameters, i, 0.0
     for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
         j = walkers.neighbour[n]
-        if not are_together(walkers, i, j):
+        if are_together(walkers, i, j):
+            lead = min(lead, j) if walkers.walks[j] else lead
+        elif walkers.attention[n] > 0.0:
             dx, dy = walkers.position[j, 0] - walkers.position[i, 0], walkers.position[j, 1] - walkers.position[i, 1]
             crowd += walkers.attention[n] * exp(-length(dx, dy) / _NEAR)
-        elif walkers.walks[j]:
-            lead = min(lead, j)
     square = (crowd / p.crowd) * (crowd / p.crowd)
     share = 1.0 / (1.0 + square * square)
     course, pace = memory.deviation[lead, _COURSE], memory.deviation[lead, _PACE]
