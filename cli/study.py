@@ -52,13 +52,16 @@ def check(file: Path, participant: int) -> None:
     steps = steps_of(study.config, participant - 1)
     with progress(study.number_of_scenes, "scene") as advance:
         study.check_scenes(advance)
-    warnings = study.config.untranslated()
+    warnings, quota = study.config.untranslated(), study.config.quota_answers()
     if wants_json():
-        show_json({"steps": [_step_row(study, step) for step in steps], "warnings": warnings})
+        places = {name: places for _, name, places in quota}
+        show_json({"steps": [_step_row(study, step) for step in steps], "quota": places, "warnings": warnings})
         return
     for warning in warnings:
         echo(f"warning: {warning}", err=True)
     show_table((row["step"], row["text"]) for row in (_step_row(study, step) for step in steps))
+    if study.config.quota is not None:
+        echo(f"places by {study.config.quota.question}: {', '.join(f'{name} {places}' for _, name, places in quota)}")
 
 
 def _step_row(study: Study, step: Step) -> dict[str, Any]:

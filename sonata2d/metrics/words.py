@@ -201,12 +201,17 @@ def value_word(value: AttributeValue) -> str:
     return value if isinstance(value, str) else f"{value:.2f}".rstrip("0").rstrip(".")
 
 
+def path_ticks(record: EpisodeRecord) -> list[int]:
+    """The ticks of `path_words`."""
+    step = max(round(1.0 / record.scene().rules.dt), math.ceil(len(record) / _MOST_MOMENTS))
+    return sorted({*range(0, len(record) + 1, step), len(record)})
+
+
 def path_words(record: EpisodeRecord) -> str:
     """Positions of the robot and of the people who are present, each second, or less often in a long episode."""
-    states, dt = record.states, record.scene().rules.dt
-    step = max(round(1.0 / dt), math.ceil(len(record) / _MOST_MOMENTS))
+    states = record.states
     ids, lines = record.scene().human_table.id.tolist(), []
-    for tick in sorted({*range(0, len(record) + 1, step), len(record)}):
+    for tick in path_ticks(record):
         people = [
             f"person {ids[k]} {_place((row[0], row[1]))}"
             for k, row in enumerate(states.humans[tick].tolist())

@@ -201,9 +201,15 @@ def _drawn_task(
         )
     fewer = "fewer humans and robots" if config.robots else "fewer humans"
     last = "set robot.on_ways to null" if config.robot.on_ways is not None else "make the robot smaller"
+    closed = (
+        "let robots open more doors, "
+        if any(d.opened_by in ("people", "nobody") for d in config.interior_doors)
+        else ""
+    )
+    forbidden = "make the no-go areas smaller, " if any(area.no_go for area in config.areas) else ""
     raise SceneError(
         f"no free start and goal for {name} in a {layout.plan.size_text} room after {config.max_attempts} attempts; "
-        f"widen the room, ask for {fewer} and less furniture, or {last}"
+        f"{forbidden}{closed}widen the room, ask for {fewer} and less furniture, or {last}"
     )
 
 

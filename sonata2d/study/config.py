@@ -14,7 +14,7 @@ from ..core.devices import View
 from ..scenegen.scenario.base import Settings, TupleOf
 from ..scenegen.scenario.problems import setting_error
 from .questions import AnyEntry, Classes, Entry, RatingQuestion, ScaleConfig, YesNo
-from .texts import Name, Path, Text, Texts, Translations, TwoTranslations, require_distinct, texts_in
+from .texts import Name, Path, Text, Texts, Translations, TwoTranslations, in_language, require_distinct, texts_in
 
 _Questionnaire = Annotated[TupleOf[AnyEntry], Field(max_length=100)]
 Order = Literal["fixed", "shuffled", "latin-square", "between"]
@@ -327,6 +327,16 @@ class StudyConfig(Settings):
         if len(quota.places) != answers:
             reason = f"there are {len(quota.places)} numbers of places for {answers} answers"
             raise setting_error(reason, "quota", "places")
+
+    def quota_answers(self) -> list[tuple[bool | int, str, int]]:
+        """The answers of the quota, as they are stored; their names in the first language; and their places."""
+        if (quota := self.quota) is None:
+            return []
+        asked = next(entry for entry in self.demographics if entry.name == quota.question)
+        if isinstance(asked, Classes):
+            names = [in_language(text, self.languages[0]) for text in asked.classes]
+            return list(zip(range(1, len(names) + 1), names, quota.places, strict=True))
+        return [(False, "no", quota.places[0]), (True, "yes", quota.places[1])]
 
     def _scales(self) -> Iterator[tuple[Path, ScaleConfig]]:
         """The published questionnaires, each with the keys that lead to it."""

@@ -207,6 +207,14 @@ class StudyFolder:
                     raise
             yield True
 
+    def quota(self) -> list[tuple[str, int, int]]:
+        """Each answer of the quota: its name, the number of places that are taken, and of all places."""
+        if (quota := self.study.config.quota) is None:
+            return []
+        with self._adding:
+            taken = Counter(self._answer_of(id, quota.question) for id in self._places())
+        return [(name, taken[answer], places) for answer, name, places in self.study.config.quota_answers()]
+
     def _answer_of(self, participant: str, question: str) -> Any:
         """The last answer of a participant to a demographic question; None without one.
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import math
+import time
 from collections.abc import Callable, Container, Mapping
 
 from ..collect.agreement import agreement as agreement_of
@@ -19,6 +21,7 @@ from . import messages as m
 from .participant_session import ParticipantSession, driven_state
 
 _MOST_DISPUTED = 5  # runs of a block of ratings
+_QUOTA_PERIOD = 5.0  # s between two readings of the answers that take places of the quota
 
 
 class Researcher:
@@ -48,6 +51,8 @@ class Researcher:
         self.is_paused = False
         self._stored: dict[str, Progress] = {}  # of participants who are away
         self._problems: list[str] = []
+        self._quota: list[tuple[str, int, int]] = []
+        self._quota_time = -math.inf
         self._is_read = False
 
     def forget(self) -> None:
@@ -75,6 +80,8 @@ class Researcher:
         if not self._is_read:
             self._stored, self._problems = await asyncio.to_thread(progress_of_all, self._folder)
             self._is_read = True
+        if self._folder.study.config.quota is not None and time.monotonic() > self._quota_time + _QUOTA_PERIOD:
+            self._quota, self._quota_time = await asyncio.to_thread(self._folder.quota), time.monotonic()
         return self._overview()
 
     def _add(self, count: int) -> None:
@@ -91,6 +98,7 @@ class Researcher:
             "conditions": [
                 *dict.fromkeys(condition_of(config.order, scenarios, row) for row in range(rows_of(config)))
             ],
+            "quota": {"question": config.quota.question, "answers": self._quota} if config.quota else None,
             "problem": one_line("; ".join(self._problems), 300),
             "participants": [
                 self._row(index, id, tokens.get(id))

@@ -127,6 +127,7 @@ def test_a_file_with_other_values_than_declared_is_refused(tmp_path: Path, chang
             r'names that YAML reads as true or false need quotes: \["yes", "no"\]',
         ),
         ({"episode": {"robot_carries": "text"}}, "the attribute has no value in any episode; give value, or what"),
+        ({"people": {"emotion": {"values": ["calm", "sad"]}}}, "or a short form: a list of names"),
         ({"episode": {"limit": {"type": "number", "value": "x"}}}, "must be a number"),
         ({"people": {"age": {"type": "number", "value": 3}}}, "a value in a declaration is of the episode"),
     ],
@@ -153,6 +154,19 @@ def test_a_declaration_that_makes_no_sense_is_refused(declared: Any, problem: st
 def test_a_value_that_does_not_fit_its_declaration_is_refused(values: Any, problem: str) -> None:
     with pytest.raises(ConfigError, match=problem):
         ward(people=[{"x": 2.5, "y": 2.5, "attributes": values}])
+
+
+@pytest.mark.parametrize(
+    ("short", "long"),
+    [
+        ({"weights": {"calm": 1, "sad": 2}}, {"type": "classes", "weights": {"calm": 1, "sad": 2}}),
+        ({"share": 0.5}, {"type": "yes_no", "share": 0.5}),
+        ({"min": 1, "max": 2}, {"type": "number", "range": [1, 2]}),
+    ],
+)
+def test_the_type_of_an_attribute_follows_from_its_distribution(short: Any, long: Any) -> None:
+    found, expected = (s2.ScenarioConfig(attributes={"people": {"trait": value}}) for value in (short, long))
+    assert found == expected
 
 
 def test_short_forms_read_back_as_the_same_settings() -> None:

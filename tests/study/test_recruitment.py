@@ -390,6 +390,7 @@ def test_forty_participants_by_answer_and_condition_with_some_who_leave(doors: S
         participant.close()
         assert number < 200
     assert Counter(kept.values()) == {0: 12, 1: 6}
+    assert folder.quota() == [("woman", 12, 12), ("man", 6, 6)]
     assert full > 5
     again = StudyFolder(tmp_path / "quota", load_study(tmp_path / "doors.yaml"))
     assert again.rows == folder.rows

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
+from sonata2d_cli.main import main
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from sonata2d.datasets import verify
@@ -259,9 +261,36 @@ def test_completions_by_condition_filter_and_undefined_agreement(browser: Any, s
         served.stop()
 
 
+def test_places_of_the_quota_by_answer(browser: Any, study_folder: Path) -> None:
+    path = study_folder / "study.yaml"
+    question = "question: {en: Gender, de: Geschlecht, zh: 性别}"
+    classes = "classes: {en: [woman, man], de: [Frau, Mann], zh: [女, 男]}"
+    asked = f"  - {{name: gender, kind: classes, {classes}, {question}}}\n"
+    text = path.read_text(encoding="utf-8").replace("demographics:\n", f"demographics:\n{asked}")
+    path.write_text(text + "quota: {question: gender, places: [3, 2]}\n", encoding="utf-8")
+    result = CliRunner().invoke(main, ["study", "check", str(path)])
+    assert result.output.splitlines()[-1] == "places by gender: woman 3, man 2"
+    served = Served(study_folder)
+    try:
+        for answer in (1, 2, 2):
+            served.server.new_participant()
+            participant = Participant(served.server.folder, served.server.folder.participants[-1])
+            while participant.step.id != "demographics":
+                participant.skip(participant.step.id)
+            participant.answer("demographics", {"gender": answer, "age": 30})
+            participant.close()
+        page = opened(browser, page_of(served))
+        page.get_by_text("Places taken, by the answer to “gender”: woman (1/3), man (2/2)", exact=True).wait_for()
+        assert page.problems == []
+        page.context.close()
+    finally:
+        served.stop()
+
+
 def test_a_study_without_conditions_shows_none(browser: Any, served: Served) -> None:
     page = opened(browser, page_of(served))
     page.wait_for_selector("#rows", state="attached")
     page.wait_for_function("document.getElementById('summary').textContent")
     assert not page.locator("#completions").is_visible()
+    assert not page.locator("#quota").is_visible()
     page.context.close()

@@ -52,7 +52,9 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
                 "report this as an error of sonata2d",
             )
         meta = {"kind": question.kind, "tick": question.tick, "ids": question.ids, "value": question.value}
-        context = f"{start} {told}" if question.tick is None else situation(record.snapshot(question.tick))
+        context = (
+            f"{start} {path_words(record)}" if question.tick is None else situation(record.snapshot(question.tick))
+        )
         text = f"{context} {question.text}"
         lines.append(_line(record, k, text, question.answer, meta, question.tick, options))
     return b"".join(orjson.dumps(line) + b"\n" for line in lines)

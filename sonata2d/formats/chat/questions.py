@@ -15,7 +15,7 @@ from ...core.entities import Human
 from ...core.portable_math import Array
 from ...core.relations import ACTIVITIES, ACTIVITY, RELATION
 from ...core.rng import RandomStream
-from ...metrics.words import listed, name_of, persons, story, value_word
+from ...metrics.words import listed, name_of, path_ticks, persons, value_word
 from ...record.record import EpisodeRecord
 
 _MARGIN, _SPEED_MARGIN = 0.15, 0.1  # m and m/s, by which an answer must be clear
@@ -62,12 +62,14 @@ class _Episode:
         return [self.scene.humans[k] for k in np.flatnonzero(self.states.present[0]).tolist()]
 
     @cached_property
-    def _story(self) -> list[str]:
-        return story(self.record)
+    def told(self) -> list[int]:
+        """The ticks whose positions a question about the whole episode tells."""
+        return path_ticks(self.record)
 
-    def sentences_on(self, id: int) -> str:
-        """The sentences of the story that name a person with a distance."""
-        return " ".join(s for s in self._story if f"person {id}," in s or f"person {id} passes" in s)
+    def least_distance(self, k: int) -> tuple[float, float]:
+        """Least distance of a person from the robot: of all ticks, and of those that are told; m."""
+        own = np.where(np.isfinite(self.distance[:, k]), self.distance[:, k], math.inf)
+        return float(own.min()), float(own[self.told].min())
 
     def moment(self) -> tuple[int, str]:
         """A random tick, and its time in words."""
@@ -201,10 +203,10 @@ def _present(e: _Episode) -> Question | None:
 
 def _closest_approach(e: _Episode) -> Question | None:
     k = e.person()
-    if k is None or not np.isfinite(e.distance[:, k]).any():
+    if k is None:
         return None
-    least = float(np.nanmin(e.distance[:, k]))
-    if not _is_clear(least, 0.005) or f"{least:.1f} m from centre to centre" not in e.sentences_on(int(e.ids[k])):
+    least, told = e.least_distance(k)
+    if not (math.isfinite(told) and _is_clear(least, 0.005) and f"{least:.1f}" == f"{told:.1f}"):
         return None
     text = f"How near does the robot come to person {e.ids[k]}, from centre to centre?"
     return Question("closest-approach", text, f"{least:.1f} m", None, (int(e.ids[k]),))
@@ -212,10 +214,12 @@ def _closest_approach(e: _Episode) -> Question | None:
 
 def _comes_nearer(e: _Episode) -> Question | None:
     a, b = e.person(), e.person()
-    if a is None or b is None or a == b or not np.isfinite(e.distance[:, [a, b]]).any(axis=0).all():
+    if a is None or b is None or a == b:
         return None
-    first, second = (float(np.nanmin(e.distance[:, k])) for k in (a, b))
-    if abs(first - second) < _MARGIN or not all(e.sentences_on(int(e.ids[k])) for k in (a, b)):
+    (first, told_first), (second, told_second) = e.least_distance(a), e.least_distance(b)
+    if not (math.isfinite(told_first) and math.isfinite(told_second) and abs(first - second) >= _MARGIN):
+        return None
+    if abs(told_first - told_second) < _MARGIN or (told_first < told_second) != (first < second):
         return None
     ids = int(e.ids[a]), int(e.ids[b])
     text = f"To whom does the robot come nearer, to person {ids[0]} or to person {ids[1]}?"
@@ -259,8 +263,10 @@ def _touches(e: _Episode) -> Question | None:
     if "frames.contacts" in e.lacks:
         return None
     states = [*e.record.document["frames"], e.record.document["final"]]
-    touched = any(contact["kind"] == "human" for state in states for contact in state["contacts"])
-    return Question("touches", "Does the robot touch a person?", _yes(touched))
+    touched = {k for k, s in enumerate(states) if any(contact["kind"] == "human" for contact in s["contacts"])}
+    if touched and not touched & set(e.told):
+        return None
+    return Question("touches", "Does the robot touch a person?", _yes(bool(touched)))
 
 
 def _object_count(e: _Episode) -> Question | None:

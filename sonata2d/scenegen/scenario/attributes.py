@@ -21,11 +21,14 @@ _Name = Annotated[str, Field(min_length=1, max_length=MAX_NAME)]
 _Weights = Annotated[dict[_Name, NotNegative], *weights_of("class"), Field(max_length=_MOST_CLASSES)]
 
 
+_TYPES: Mapping[str, AttributeType] = {"weights": "classes", "share": "yes_no", "range": "number"}  # by key
+
+
 class AttributeConfig(Settings):
     """An attribute: its type, and the distribution from which values that are not given are drawn.
 
     Short forms: a list of names, or weights by name, for classes; `bool`, or a probability, for yes_no; two numbers for
-    a number; `number` and `text`.
+    a number; `number` and `text`. `weights`, `share` and `range` imply the type.
 
     Attributes:
         type: classes, yes_no, number or text.
@@ -58,12 +61,20 @@ class AttributeConfig(Settings):
             raise setting_error('names that YAML reads as true or false need quotes: ["yes", "no"]')
         if isinstance(value, list | tuple) and any(isinstance(each, int | float) for each in value):
             return {"type": "number", "range": value}
+        if isinstance(value, Mapping) and set(value) <= {*_TYPES, "value"}:
+            return {"type": next((type for key, type in _TYPES.items() if key in value), ""), **value}
+        if isinstance(value, Mapping) and {"min", "max"} <= set(value):
+            return {"type": "number", "range": value}
+        if isinstance(value, Mapping) and not all(isinstance(each, int | float) for each in value.values()):
+            raise setting_error(
+                "an attribute is {type: ..., weights | share | range: ...}, or a short form: a list of names, "
+                "weights by name, [min, max], a probability, or a type"
+            )
         return {"type": "classes", "weights": value}
 
     @model_validator(mode="after")
     def _check_keys(self) -> Self:
-        needed = {"weights": "classes", "share": "yes_no", "range": "number"}
-        for key, type in needed.items():
+        for key, type in _TYPES.items():
             if getattr(self, key) is not None and self.type != type:
                 raise setting_error(f"only an attribute of type {type} has {key}", key)
         if self.type == "classes" and len(self.weights or {}) < 2:

@@ -42,7 +42,7 @@ function order(message) { problems.request = ""; server.send(message); }
 
 // ---- participants
 
-function showOverview({participants, isStudyPaused, open, conditions}) {
+function showOverview({participants, isStudyPaused, open, conditions, quota}) {
   isPaused = isStudyPaused;
   byId("pause").textContent = t(isPaused ? "researcher.resume" : "researcher.pause");
   byId("pause").setAttribute("aria-pressed", isPaused);
@@ -53,6 +53,9 @@ function showOverview({participants, isStudyPaused, open, conditions}) {
   byId("completions").hidden = conditions.length < 2;
   byId("completions").textContent = `${t("researcher.completions")}: ` + conditions.map(name =>
     `${name} (${participants.filter(participant => participant.condition === name && participant.kind === "thanks").length})`).join(", ");
+  byId("quota").hidden = !quota;
+  if (quota) byId("quota").textContent = `${t("researcher.quota", {question: quota.question})}: ` + quota.answers.map(([name, taken, places]) =>
+    `${name} (${taken}/${places})`).join(", ");
   participants.forEach(showRow);
   filterRows();
 }
