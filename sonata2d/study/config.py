@@ -177,6 +177,8 @@ class RecruitmentConfig(Settings):
 class RequiresConfig(Settings):
     """Requirements on the device of a participant; the page names what is missing, and waits.
 
+    Without the keyboard or the width, a visitor of the open link takes no place.
+
     Attributes:
         keyboard: whether phones and tablets are not enough.
         width: least width of the window, px.
@@ -192,7 +194,8 @@ class QuotaConfig(Settings):
     """Places by the answer to a demographic question, such as 20 for women and 20 for men.
 
     A participant whose answer is of a quota that is full is told that the study is full. The rows of Latin squares, and
-    the blocks of the order `between`, are balanced among the participants with the same answer.
+    the blocks of the order `between`, are balanced among the participants with the same answer. The researcher's page
+    shows how many places are taken.
 
     Attributes:
         question: name of a question of `demographics`, of kind `yes_no` or `classes`.

@@ -163,8 +163,8 @@ class StudyServer:
         if self.links.participant_of(str(request.path_params["token"])) is None:
             return self._not_found(request)
         config = self.folder.study.config
-        requires = config.requires.model_dump(exclude_defaults=True)
-        data: Json = {"words": self._words, "languages": config.languages, "title": config.title, "requires": requires}
+        data: Json = {"words": self._words, "languages": config.languages, "title": config.title}
+        data["requires"] = config.requires.model_dump(exclude_defaults=True)
         data["simulator"] = self._simulator_place
         return _page("study.html", language=config.languages[0], title="sonata2d", script="page.js", data=data)
 
@@ -201,7 +201,10 @@ class StudyServer:
         language = preferred(config.languages, wanted)
         words = self._words[language]
         heading = words[title] if title else in_language(config.title, language)
-        texts = {"text": words.get(text), "button": words.get(button)}
+        texts: Json = {"text": words.get(text), "button": words.get(button)}
+        if button:
+            requires = config.requires.model_dump(exclude_defaults=True)
+            texts |= {"script": "join.js", "data": {"requires": requires, "words": words}}
         if leave is not None:
             texts |= leave | {"back": words["web.leave"], "your_code": words["web.code"]}
         return _page("message.html", status, language=language, title=heading, **texts)

@@ -131,7 +131,18 @@ def test_a_device_that_lacks_something_is_told_so(browser: Any, study_folder: Pa
         phone.wait_for_selector("#missing")
         assert "needs a keyboard" in phone.locator("#missing").text_content()
         assert page.problems == phone.problems == []
-        for each in (page, phone):
+        number = len(served.server.folder.participants)
+        joining = opened(browser, f"{served.url}/j/{served.links.open}", is_mobile=True, has_touch=True)
+        joining.get_by_text("needs a keyboard").wait_for()
+        assert not joining.locator("button").is_visible()
+        desktop = opened(browser, f"{served.url}/j/{served.links.open}")
+        desktop.set_viewport_size({"width": 600, "height": 760})
+        desktop.get_by_text("needs a window of 800 px").wait_for()
+        assert len(served.server.folder.participants) == number  # neither took a place
+        desktop.set_viewport_size({"width": 900, "height": 760})
+        desktop.get_by_role("button").click()
+        desktop.wait_for_selector("#step:not([hidden]) .prose")
+        for each in (page, phone, joining, desktop):
             each.context.close()
     finally:
         served.stop()

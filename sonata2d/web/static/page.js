@@ -1,6 +1,7 @@
 // The page of a participant: shows the present step, and sends the actions of the participant.
 
 import {Connection} from "./connection.js";
+import {isTouched, lacking} from "./device.js";
 import {Drive} from "./drive.js";
 import {byId, filled, make, socketAddress, translate} from "./elements.js";
 import {form, question} from "./questions.js";
@@ -123,9 +124,9 @@ function show(next) {
 
 /** The requirement that the device does not meet, in words; empty if it meets all. */
 function missing() {
-  const {keyboard, width, round_trip: limit} = data.requires, middle = [...pings].sort((a, b) => a - b)[PINGS >> 1];
-  if (keyboard && isTouched) return t("web.needs_keyboard");
-  if (width && innerWidth < width) return t("web.needs_width", {width});
+  const limit = data.requires.round_trip, middle = [...pings].sort((a, b) => a - b)[PINGS >> 1];
+  const words = lacking(data.requires, t);
+  if (words) return words;
   if (!limit || view.progress[0] > 0) return "";      // whoever has begun goes on
   if (pings.length < PINGS) return t("web.measuring");
   return middle > limit ? t("web.needs_connection", {seconds: middle.toFixed(2), limit}) : "";
@@ -276,7 +277,6 @@ function rulesOf({rules, isPractice}) {
 /** Lets keys drive again, after a button was clicked. */
 const focusPicture = () => byId("canvas").focus({preventScroll: true});
 
-const isTouched = matchMedia("(pointer: coarse)").matches;      // a phone or a tablet
 const hasPad = () => Boolean(navigator.getGamepads) && navigator.getGamepads().some(Boolean);
 
 // Rows of the help: keys or buttons, their action, and in which runs it is possible.
