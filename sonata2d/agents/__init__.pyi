@@ -13,9 +13,5 @@ from .controllers.teleoperation import (
 from .drives.base import Drive as Drive
 from .sensors.base import Reading as Reading, Sensor as Sensor
 from .sensors.camera import Camera as Camera
-from .sensors.estimates import (
-    FieldOfView as FieldOfView,
-    Odometry as Odometry,
-    PeopleDetector as PeopleDetector,
-)
+from .sensors.estimates import FieldOfView as FieldOfView, Odometry as Odometry, PeopleDetector as PeopleDetector
 from .sensors.lidar import Costmap as Costmap, Lidar as Lidar, costmap as costmap

@@ -9,10 +9,5 @@ from .api import (
     summarised as summarised,
     unsupported_options as unsupported_options,
 )
-from .format import (
-    Format as Format,
-    Options as Options,
-    Tables as Tables,
-    UnsuitableEpisode as UnsuitableEpisode,
-)
+from .format import Format as Format, Options as Options, Tables as Tables, UnsuitableEpisode as UnsuitableEpisode
 from .from_tracks import save_scenario as save_scenario, scenario_from_tracks as scenario_from_tracks

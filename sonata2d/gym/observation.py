@@ -23,15 +23,7 @@ from ..core.wording import shown
 from ..scenegen.floor_plans import draw_floor_plan
 from ..scenegen.scenario.config import ScenarioConfig
 from ..scenegen.scenario.sections import RoomConfig
-from .parts import (
-    STANDARD,
-    DerivedPart,
-    Observation,
-    Rows,
-    SnapshotPart,
-    part_named,
-    table_of,
-)
+from .parts import STANDARD, DerivedPart, Observation, Rows, SnapshotPart, part_named, table_of
 from .sight import Arrays, goal_columns, sight_of, write_observation
 
 Order = Literal["nearest", "scene"]

@@ -17,12 +17,7 @@ from sonata2d.datasets.generate.episodes import packed_episode
 from sonata2d.datasets.generate.progress import append_to_log
 from sonata2d.datasets.generate.specification import DatasetSpec, manifest_of
 from sonata2d.datasets.generate.start import start_dataset
-from sonata2d.datasets.manifest import (
-    MANIFEST,
-    files_of,
-    read_manifest,
-    write_json,
-)
+from sonata2d.datasets.manifest import MANIFEST, files_of, read_manifest, write_json
 from sonata2d.datasets.manifest.models import Manifest
 from sonata2d.datasets.manifest.write import counts_of
 from sonata2d.errors import RecordError

@@ -20,14 +20,7 @@ from click.testing import CliRunner
 from sonata2d_cli import main
 
 import sonata2d as s2
-from sonata2d.datasets import (
-    merge_datasets,
-    mirror_dataset,
-    read_manifest,
-    split_dataset,
-    verify,
-    write_card,
-)
+from sonata2d.datasets import merge_datasets, mirror_dataset, read_manifest, split_dataset, verify, write_card
 from sonata2d.datasets.generate import batches
 from sonata2d.errors import RecordError
 from sonata2d.formats.api import export_to, import_from

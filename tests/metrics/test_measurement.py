@@ -24,13 +24,7 @@ from sonata2d.metrics.disturbance import RunWithoutRobot
 from sonata2d.metrics.evaluation import Evaluation
 from sonata2d.metrics.evaluation_page import page_of
 from sonata2d.metrics.interop import VARIANTS
-from sonata2d.metrics.measurement import (
-    episode_files,
-    measure,
-    measure_files,
-    save_metrics,
-    scene_hash,
-)
+from sonata2d.metrics.measurement import episode_files, measure, measure_files, save_metrics, scene_hash
 from sonata2d.record.canonical import serialise
 from sonata2d.record.reader import read_episode
 from sonata2d.record.record import EpisodeRecord

@@ -22,13 +22,7 @@ from ...core.portable_math import Array, BoolArray, angle_of
 from ...core.scene import Scene
 from ...core.snapshot import Snapshot
 from ...registry import PEDESTRIAN_MODELS
-from ..pedestrians.models.base import (
-    Walkers,
-    checked_acceleration,
-    evaluations_per_tick,
-    pedestrian_model,
-    use_leaves,
-)
+from ..pedestrians.models.base import Walkers, checked_acceleration, evaluations_per_tick, pedestrian_model, use_leaves
 from ..pedestrians.neighbours import FADING_DISTANCE, INTERACTION_RANGE, WALL_RANGE, range_of
 from .base import Controller
 from .compiled import KernelController

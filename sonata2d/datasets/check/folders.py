@@ -14,17 +14,7 @@ from ...record.layout import JsonDict
 from ...record.shard_file import SHARD_SUFFIX, shard_manifest_path
 from ..card.croissant import croissant_findings
 from ..card.write import card_differences
-from ..manifest.names import (
-    CARD,
-    CROISSANT,
-    LOG,
-    MANIFEST,
-    METRICS,
-    PART,
-    SCENARIO,
-    episode_number,
-    shard_number,
-)
+from ..manifest.names import CARD, CROISSANT, LOG, MANIFEST, METRICS, PART, SCENARIO, episode_number, shard_number
 from ..manifest.rows import listing, unlisted_episodes
 from ..tables import has_pyarrow, tables_are_stale
 from .episodes import Problem

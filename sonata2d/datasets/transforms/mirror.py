@@ -34,14 +34,7 @@ from ...workers.tasks import stop_if_over, stop_if_unwanted
 from ..card.write import licence_of, write_manifest_and_card, write_tables_as
 from ..manifest.names import SCENARIO
 from ..manifest.read import read_document
-from ..manifest.rows import (
-    listing,
-    read_listed_file,
-    read_stored_manifest,
-    stored_form,
-    warn_if_incomplete,
-    with_rows,
-)
+from ..manifest.rows import listing, read_listed_file, read_stored_manifest, stored_form, warn_if_incomplete, with_rows
 from ..shards import write_shard
 from .new_folder import new_folder
 

@@ -14,18 +14,7 @@ import numpy as np
 from ...core.geometry import Point
 from ...core.portable_math import Array
 from ...errors import ConfigError
-from .plan import (
-    MapOptions,
-    Picture,
-    Piece,
-    Plan,
-    finished_floor,
-    package,
-    polygons_of,
-    rooms_of,
-    shapely,
-    sides,
-)
+from .plan import MapOptions, Picture, Piece, Plan, finished_floor, package, polygons_of, rooms_of, shapely, sides
 
 # Exceptions with which the parsers of drawings end on damaged files
 UNREADABLE = (ValueError, ArithmeticError, LookupError, TypeError, AttributeError, StopIteration, RecursionError)

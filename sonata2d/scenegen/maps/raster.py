@@ -16,17 +16,7 @@ from ...core.portable_math import BoolArray
 from ...core.wording import one_line
 from ...errors import ConfigError
 from ..scenario.parse import parse_settings
-from .plan import (
-    MapOptions,
-    Picture,
-    Plan,
-    finished_floor,
-    package,
-    polygons_of,
-    read_map,
-    rooms_of,
-    shapely,
-)
+from .plan import MapOptions, Picture, Plan, finished_floor, package, polygons_of, read_map, rooms_of, shapely
 
 _LARGEST_OBJECT = 2.5  # m, longest side of an obstacle that counts as furniture
 _MOST_PIXELS = 25_000_000

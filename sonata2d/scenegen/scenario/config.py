@@ -10,13 +10,7 @@ from itertools import pairwise
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    ConfigDict,
-    Field,
-    PositiveInt,
-    model_validator,
-)
+from pydantic import AfterValidator, ConfigDict, Field, PositiveInt, model_validator
 
 from ...core.attributes import Holder
 from ...core.bounds import Fraction, Positive

@@ -16,16 +16,7 @@ from typing import NamedTuple
 from ...core.barrier_grid import Solids, find_within, outline_gap
 from ...core.compiled.kernel import subroutine
 from ...core.compiled.packing import Floats, Floats2, Ints
-from ...core.compiled.scalar import (
-    ALONG_X,
-    ALONG_Y,
-    RADIUS,
-    START_X,
-    START_Y,
-    Vector,
-    clipped,
-    to_shoulder_line,
-)
+from ...core.compiled.scalar import ALONG_X, ALONG_Y, RADIUS, START_X, START_Y, Vector, clipped, to_shoulder_line
 from ...core.humans import VX, VY, X, Y
 from ...core.portable_math import Array
 from ...core.snapshot import CLOSING_SPEED

@@ -12,14 +12,7 @@ from ...core.barrier_grid import Solids, outline_gap
 from ...core.compiled.calls import call
 from ...core.compiled.kernel import kernel, subroutine
 from ...core.compiled.packing import Bools, Floats, Floats2, Ints, packed_at, unpack
-from ...core.compiled.scalar import (
-    Vector,
-    clipped,
-    length,
-    rotation,
-    shoulder_line_distance,
-    to_shoulder_line,
-)
+from ...core.compiled.scalar import Vector, clipped, length, rotation, shoulder_line_distance, to_shoulder_line
 from ...core.humans import BODY_X, BODY_Y, GAZE_X, GAZE_Y, OMEGA, VX, VY, X, Y
 from ...core.leaves import Doors
 from ...core.portable_math import Array, BoolArray
@@ -29,16 +22,7 @@ from .body import Body
 from .chipmunk import Engine, apply_forces, place, read_bodies, step_space, turn_outline, turn_torso
 from .posture import BODY_RATE, NECK, NECK_RATE, turn
 from .presence import Attendance, begin_attendance, follow_tracks, update_attendance
-from .rules import (
-    COUPLED,
-    GUARD,
-    HOLONOMIC,
-    ROBOT_RADIUS,
-    SIDE,
-    SUBSTEP,
-    SUBSTEPS,
-    TICK,
-)
+from .rules import COUPLED, GUARD, HOLONOMIC, ROBOT_RADIUS, SIDE, SUBSTEP, SUBSTEPS, TICK
 from .safety import Guard, find_near, limited
 
 _FASTEST = 1e6  # m/s and rad/s, beyond which a drive is broken

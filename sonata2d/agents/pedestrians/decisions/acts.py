@@ -10,32 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from ....core.compiled.calls import (
-    call,
-    call_for_flag,
-    call_for_int,
-)
+from ....core.compiled.calls import call, call_for_flag, call_for_int
 from ....core.compiled.kernel import kernel, subroutine
 from ....core.compiled.packing import unpack
 from ....core.compiled.scalar import Vector, length
 from ....core.philox import uniform_between
 from ....core.portable_math import Array, IntArray
 from ..crowd_state import COMPANY, CrowdState
-from ..social.company import (
-    start_standing,
-)
-from ..social.tasks import (
-    SIT,
-    TALK,
-)
-from ..wayfinding import (
-    LONGEST_PATH,
-    path_length,
-    resting_place,
-    robot_stands,
-    set_path,
-    use_added,
-)
+from ..social.company import start_standing
+from ..social.tasks import SIT, TALK
+from ..wayfinding import LONGEST_PATH, path_length, resting_place, robot_stands, set_path, use_added
 
 _DETOUR = 1.3  # largest ratio of the lengths of a path with room and of a path without, at which the first is preferred
 _TOUCHING = 0.1  # m, largest gap to a robot that a pedestrian touches

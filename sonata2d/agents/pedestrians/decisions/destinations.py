@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 
 from ....core.barrier_grid import is_within
-from ....core.compiled.calls import (
-    call,
-)
+from ....core.compiled.calls import call
 from ....core.compiled.kernel import kernel, subroutine
 from ....core.compiled.packing import unpack
 from ....core.compiled.scalar import length
@@ -19,9 +17,7 @@ from ....core.philox import uniform, uniform_between
 from ....core.portable_math import Array
 from ..crowd_state import COMPANY, PLACES, CrowdState
 from ..routes import CHECK_INTERVAL, is_near
-from ..social.company import (
-    is_unattended,
-)
+from ..social.company import is_unattended
 from ..social.f_formations import (
     CENTRE_X,
     CENTRE_Y,
@@ -32,21 +28,8 @@ from ..social.f_formations import (
     joining_positions,
 )
 from ..social.fixtures import SPOT_SPACING
-from ..social.tasks import (
-    EXIT,
-    NO_TASK,
-    QUEUE,
-    SIT,
-    STAY,
-    TALK,
-    VISIT,
-)
-from ..wayfinding import (
-    LONGEST_PATH,
-    plan_stay,
-    set_path,
-    set_straight_path,
-)
+from ..social.tasks import EXIT, NO_TASK, QUEUE, SIT, STAY, TALK, VISIT
+from ..wayfinding import LONGEST_PATH, plan_stay, set_path, set_straight_path
 from .acts import (
     choose,
     is_open,

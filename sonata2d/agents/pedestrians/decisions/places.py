@@ -4,26 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....core.compiled.calls import (
-    call,
-)
+from ....core.compiled.calls import call
 from ....core.compiled.kernel import subroutine
 from ....core.compiled.scalar import length
 from ....core.philox import uniform_between
 from ..crowd_state import COMPANY, CrowdState
-from ..social.company import (
-    QUEUEING,
-    SITTING,
-)
-from ..social.tasks import (
-    EXIT,
-    NO_TASK,
-    QUEUE,
-    RISING,
-    SEATED,
-    SIT,
-    TURNING,
-)
+from ..social.company import QUEUEING, SITTING
+from ..social.tasks import EXIT, NO_TASK, QUEUE, RISING, SEATED, SIT, TURNING
 from .acts import choose, draw_end, is_open, let_stand, set_task, ticks, try_to_send, x_of, y_of
 
 _DOOR_REACH = 0.12  # m, beyond the place before a door, in which a pedestrian disappears

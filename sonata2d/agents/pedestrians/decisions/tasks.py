@@ -12,9 +12,7 @@ from typing import Any
 import numpy as np
 
 from ....core.barrier_grid import find_within
-from ....core.compiled.calls import (
-    call,
-)
+from ....core.compiled.calls import call
 from ....core.compiled.kernel import kernel, subroutine
 from ....core.compiled.packing import unpack
 from ....core.compiled.scalar import length, towards, unit_or
@@ -23,49 +21,11 @@ from ....core.portable_math import Array, IntArray
 from ..crowd_state import COMPANY, CrowdState
 from ..doorways import watch_doors
 from ..routes import ARRIVAL_DISTANCE
-from ..social.company import (
-    STANDING,
-    TALKS,
-    add_link,
-    is_in_the_way,
-    start_walking,
-    update_links,
-)
-from ..social.f_formations import (
-    PAIR_DISTANCE,
-    widened,
-)
-from ..social.tasks import (
-    EXIT,
-    NO_TASK,
-    QUEUE,
-    SEATED,
-    SIT,
-    STAY,
-    TALK,
-    TURNING,
-    VISIT,
-)
-from ..wayfinding import (
-    follow_track,
-    interrupt,
-    start_wandering,
-    stop,
-    update_obstacles,
-    watch_robots,
-)
-from .acts import (
-    draw_end,
-    is_open,
-    let_stand,
-    members_of,
-    resting_place_of,
-    set_task,
-    ticks,
-    try_to_send,
-    x_of,
-    y_of,
-)
+from ..social.company import STANDING, TALKS, add_link, is_in_the_way, start_walking, update_links
+from ..social.f_formations import PAIR_DISTANCE, widened
+from ..social.tasks import EXIT, NO_TASK, QUEUE, SEATED, SIT, STAY, TALK, TURNING, VISIT
+from ..wayfinding import follow_track, interrupt, start_wandering, stop, update_obstacles, watch_robots
+from .acts import draw_end, is_open, let_stand, members_of, resting_place_of, set_task, ticks, try_to_send, x_of, y_of
 from .places import (
     AHEAD,
     advance_exit,
