@@ -87,36 +87,19 @@ def find_borders(barriers: Array, outline: Array) -> Array:
     return borders[:border_count]
 
 
-@kernel
 def index_borders(edges: Array) -> tuple[float, float, IntArray, IntArray]:
     """The other fields of `Borders`."""
-    south, north = math.inf, -math.inf
-    for k in range(len(edges)):
-        south, north = min(south, edges[k, 1], edges[k, 3]), max(north, edges[k, 1], edges[k, 3])
+    ys = edges[:, 1::2]
+    south, north = float(ys.min(initial=math.inf)), float(ys.max(initial=-math.inf))
     rows = max(len(edges) // 8, 1) if north > south else 1
     height = (north - south) / rows if north > south else 1.0
-    first = np.zeros(rows + 1, dtype=np.int64)
-    for k in range(len(edges)):
-        low, high = _border_rows(edges, k, south, height, rows)
-        for row in range(low, high + 1):
-            first[row + 1] += 1
-    for row in range(rows):
-        first[row + 1] += first[row]
-    item, following = np.empty(first[rows], dtype=np.int64), first.copy()
-    for k in range(len(edges)):
-        low, high = _border_rows(edges, k, south, height, rows)
-        for row in range(low, high + 1):
-            item[following[row]] = k
-            following[row] += 1
-    return south, height, first, item
-
-
-@subroutine
-def _border_rows(edges: Array, k: int, south: float, height: float, rows: int) -> tuple[int, int]:
-    """First and last row that edge k reaches into."""
-    low, high = min(edges[k, 1], edges[k, 3]) - TOLERANCE, max(edges[k, 1], edges[k, 3]) + TOLERANCE
-    first = int(min(max((low - south) / height, 0.0), rows - 1.0))
-    return first, int(min(max((high - south) / height, 0.0), rows - 1.0))
+    reach = np.stack((ys.min(axis=1) - TOLERANCE, ys.max(axis=1) + TOLERANCE), axis=1)
+    low, high = ((reach - south) / height).clip(0.0, rows - 1.0).astype(np.int64).T
+    count = high - low + 1  # of rows that an edge reaches into
+    edge = np.repeat(np.arange(len(edges)), count)
+    row = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count - low, count)
+    order = np.argsort(row, kind="stable")
+    return south, height, np.searchsorted(row[order], np.arange(rows + 1)), edge[order]
 
 
 @subroutine

@@ -74,7 +74,7 @@ def _new_floor_plan(outline: Array, barriers: Barriers, clearance: float) -> Flo
     nothing = solids_of(_NOTHING)
     space = Packed(Space(solids, nothing, borders, np.empty((0, 4)), np.zeros(1, np.int64), clearance))
     origins, nodes = find_nodes(space.argument)
-    first, item = index_nodes(Packed(solids).argument, nodes)
+    first, item = index_nodes(solids.grid, nodes)
     visible = np.zeros((len(nodes), min(len(nodes) + 1, _LONGEST_ROW)), dtype=np.int32)
     return FloorPlan(
         solids,
@@ -132,11 +132,6 @@ class FreeSpace:
             Space(plan.solids, solids_of(added), plan.borders, holes, np.array([len(holes)]), self.clearance)
         )
         self._graph = Packed(plan.graph(len(added)))
-
-    @property
-    def for_kernels(self) -> Space:
-        """The space as kernels take it."""
-        return self._space.value
 
     def find_edges(self) -> None:
         """Find all edges of the visibility graph now, rather than when paths need them, if they are many."""

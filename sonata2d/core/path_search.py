@@ -162,9 +162,13 @@ def _search(
                 best[k], previous[k] = total, j
             heapq.heappush(waiting, (total + length(end_x - to_x, end_y - to_y), code))
         if _LONG < reached <= _TOO_LONG and not is_connected:
-            if len(waiting_back) == 0:
+            if len(waiting_back) > 0:
+                is_connected = _look_back(space, graph, waiting_back, is_seen, is_done, x, y, end_x, end_y, found)
+                continue
+            for _, code in waiting:
+                is_connected |= is_seen[code % (end + 1)]  # in view of the start, or of a node that was reached
+            if not is_connected:
                 return math.inf, 0  # the end lies in a closed space
-            is_connected = _look_back(space, graph, waiting_back, is_seen, is_done, x, y, end_x, end_y, found)
     return math.inf, 0
 
 

@@ -156,25 +156,3 @@ def stream_key(seed: int, episode: int, name: StreamName) -> tuple[int, int]:
     sequence = np.random.SeedSequence(seed, spawn_key=(episode, _STREAM_NAMES.index(name)))
     first, second = sequence.generate_state(2).tolist()
     return first, second
-
-
-class AgentStreams:
-    """The random streams of one name of all agents of an episode; each is created when it is first used.
-
-    Args:
-        seed, episode, name: as for `RandomStream`.
-        entities: id of each agent.
-
-    >>> AgentStreams(7, 0, "people", [4, 9])[1].uniform() == RandomStream(7, 0, "people", 9).uniform()
-    True
-    """
-
-    def __init__(self, seed: int, episode: int, name: StreamName, entities: Sequence[int]) -> None:
-        self._key, self._entities = (seed, episode, name), entities
-        self._streams: dict[int, RandomStream] = {}
-
-    def __getitem__(self, k: int) -> RandomStream:
-        """The stream of the agent with index k."""
-        if k not in self._streams:
-            self._streams[k] = RandomStream(*self._key, self._entities[k])
-        return self._streams[k]

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -130,7 +129,7 @@ class Social:
 # Properties of a scene that are computed once, of its robots, doors and humans.
 _OF_ROBOTS = ("_views", "with_robots_as_people", "_with_goals")
 _OF_DOORS = ("barriers", "robot_barriers", "barrier_owner", "_solids", "moving_doors", "_with_open_doors")
-_OF_HUMANS = ("human_table", "standing_humans", "parking", "shared_spaces")
+_OF_HUMANS = ("human_table", "standing_humans", "parking")
 
 Solid = Literal["wall", "object", "door"]  # kinds of owners of barriers
 
@@ -446,13 +445,6 @@ class Scene(FloatFields, Drawable):
         places = [(x, y + _PARKING_SPACING * k) for k in range(len(self.humans))]
         return frozen(np.array(places, dtype=float).reshape(-1, 2))
 
-    @cached_property
-    def shared_spaces(self) -> Barriers:
-        """Outlines of the spaces between members of talking formations; other pedestrians walk round them."""
-        position = {human.id: human.pose.position for human in self.humans}
-        talking = (group for group in self.groups if group.kind == "talking" and group.formation)
-        return closed_outlines([position[member] for member in group.members] for group in talking)
-
 
 def initial_activities(scene: Scene) -> IntArray:
     """Activities at the start, from interactions and behaviours; (N,) of int, into `ACTIVITIES`, read-only."""
@@ -470,9 +462,3 @@ def standing_throughout(humans: Iterable[Human]) -> Barriers:
     """Outlines of the pedestrians that stand and are present from start to end, at their initial headings."""
     standing = (human for human in humans if human.is_always_present and human.behaviour == "standing")
     return Barriers.of(edge for human in standing for edge in human.shape.edges(human.pose))
-
-
-def closed_outlines(rings: Iterable[Sequence[Point]]) -> Barriers:
-    """Closed polylines through the points of each ring, m; for two points, the single line between them."""
-    closed = ([*ring, ring[0]] if len(ring) > 2 else ring for ring in rings)
-    return Barriers.of((a, b, 0.0) for ring in closed for a, b in pairwise(ring))

@@ -89,21 +89,13 @@ def find_nodes(packed_space: Any) -> tuple[Array, Array]:
     return origins, nodes[: _turning_points(space, origins, nodes)]
 
 
-@kernel
-def index_nodes(packed_solids: Any, nodes: Array) -> tuple[IntArray, IntArray]:
+def index_nodes(grid: Grid, nodes: Array) -> tuple[IntArray, IntArray]:
     """`Graph.first` and `Graph.item`."""
-    grid = unpack(packed_solids, Solids).grid
-    first, item = np.zeros(grid.columns * grid.rows + 1, dtype=np.int64), np.empty(len(nodes), dtype=np.int64)
-    for i in range(len(nodes)):
-        first[_cell(grid, nodes[i, X], nodes[i, Y]) + 1] += 1
-    for c in range(grid.columns * grid.rows):
-        first[c + 1] += first[c]
-    following = first.copy()
-    for i in range(len(nodes)):
-        c = _cell(grid, nodes[i, X], nodes[i, Y])
-        item[following[c]] = i
-        following[c] += 1
-    return first, item
+    size, most = np.array((grid.west, grid.south)), (grid.columns - 1.0, grid.rows - 1.0)
+    column, row = ((nodes[:, : Y + 1] - size) / grid.cell).clip(0.0, most).astype(np.int64).T
+    cell = column * grid.rows + row
+    item = np.argsort(cell, kind="stable")
+    return np.searchsorted(cell[item], np.arange(grid.columns * grid.rows + 1)), item
 
 
 @subroutine

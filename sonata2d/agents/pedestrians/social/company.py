@@ -120,7 +120,7 @@ def update_links(company: Company, is_present: BoolArray) -> None:
     """Derive activities, partners and attended objects from the interactions; absent pedestrians are no partners."""
     count = len(company.is_walking)
     for k in range(count):
-        company.activity[k] = _alone(company, k)
+        company.activity[k] = WALKING if company.is_walking[k] else company.posture[k]
         company.partner_count[k], company.has_object[k] = 0, False
     for n in range(company.link_count[0]):
         src, dst, relation = company.links[n, 0], company.links[n, 1], company.links[n, 2]
@@ -146,31 +146,6 @@ def _add_partner(company: Company, k: int, other: int) -> None:
 
 
 @subroutine
-def _alone(company: Company, k: int) -> int:
-    """The activity of pedestrian k if it had no interactions."""
-    return WALKING if company.is_walking[k] else int(company.posture[k])
-
-
-@subroutine
-def _interacts(company: Company, k: int) -> bool:
-    """Whether pedestrian k attends to anything, or is attended to."""
-    for n in range(company.link_count[0]):
-        if company.links[n, 0] == k or company.links[n, 1] == k:
-            return True
-    return False
-
-
-@subroutine
-def _update_activity(company: Company, k: int, is_present: BoolArray) -> None:
-    """Derive the activity of pedestrian k from its interactions, which have not changed."""
-    if _interacts(company, k):
-        update_links(company, is_present)
-    else:
-        company.activity[k] = _alone(company, k)
-        company.version[0] += 1
-
-
-@subroutine
 def start_standing(
     company: Company, k: int, x: float, y: float, facing_x: float, facing_y: float, posture: int, is_brief: bool,
     is_present: BoolArray,
@@ -189,7 +164,7 @@ def start_standing(
     company.standing_position[k, 0], company.standing_position[k, 1] = x, y
     company.facing_point[k, 0], company.facing_point[k, 1] = facing_x, facing_y
     company.posture[k], company.is_brief[k] = posture, is_brief
-    _update_activity(company, k, is_present)
+    update_links(company, is_present)
 
 
 @subroutine
@@ -208,18 +183,14 @@ def start_walking(company: Company, k: int, is_present: BoolArray) -> None:
     company.is_walking[k], company.keeps_facing[k], company.is_in_formation[k] = True, False, False
     for n in range(company.partner_count[k]):
         company.keeps_facing[company.partners[k, n]] = False
-    kept, changes = 0, _interacts(company, k)
+    kept = 0
     for n in range(company.link_count[0]):
         src, dst, relation = company.links[n, 0], company.links[n, 1], company.links[n, 2]
         if _WALKS[relation] or k not in (src, dst):
             company.links[kept, 0], company.links[kept, 1], company.links[kept, 2] = src, dst, relation
             kept += 1
     company.link_count[0] = kept
-    if changes:
-        update_links(company, is_present)
-    else:
-        company.activity[k] = WALKING
-        company.version[0] += 1
+    update_links(company, is_present)
 
 
 @subroutine
