@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -97,7 +98,8 @@ def index_borders(edges: Array) -> tuple[float, float, IntArray, IntArray]:
     low, high = ((reach - south) / height).clip(0.0, rows - 1.0).astype(np.int64).T
     count = high - low + 1  # of rows that an edge reaches into
     edge = np.repeat(np.arange(len(edges)), count)
-    row = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count - low, count)
+    begin = np.array([*accumulate(count.tolist(), initial=0)])[:-1]  # of the rows of each edge
+    row = np.arange(len(edge)) - np.repeat(begin - low, count)
     order = np.argsort(row, kind="stable")
     return south, height, np.searchsorted(row[order], np.arange(rows + 1)), edge[order]
 

@@ -171,10 +171,10 @@ class SocialForce(Controller):
         walkers.desired_direction[-1] = direction
         offset = walkers.position[:-1] - walkers.position[-1]
         distance = np.sqrt(offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1])
-        near = np.flatnonzero(distance < INTERACTION_RANGE)
+        reach = range_of(int(np.count_nonzero(distance < INTERACTION_RANGE)))
+        near = np.flatnonzero(distance < reach)
         walkers.neighbour_start[-1], walkers.neighbour[: len(near)] = len(near), near
-        attention = (range_of(len(near)) - distance[near]) / FADING_DISTANCE
-        walkers.attention[: len(near)] = attention.clip(0.0, 1.0)
+        walkers.attention[: len(near)] = np.minimum((reach - distance[near]) / FADING_DISTANCE, 1.0)
         self._solids.move(snapshot.state.doors, _FROM_LEAF)
         walls = rows_within(self._solids.packed, robot.position, WALL_RANGE)
         walkers.wall_start[-1], walkers.wall[: len(walls)] = len(walls), walls

@@ -1,4 +1,4 @@
-"""The neighbours of each pedestrian: those within the interaction range, found with a grid of square cells."""
+"""The neighbours of each pedestrian: those to whom it attends, found with a grid of square cells."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.barrier_grid import Solids, find_within, is_crossed
+from ...core.barrier_grid import Solids, find_within, is_crossed, nearest_within
 from ...core.compiled.kernel import subroutine
 from ...core.compiled.scalar import clipped, length
 from ...core.portable_math import Array, BoolArray, IntArray
@@ -17,15 +17,16 @@ INTERACTION_RANGE = 5.0  # m, between centres; pedestrians that are farther apar
 _ATTENDED = 20.0  # number of others in sight from which on the range shrinks: near people hide those behind them
 WALL_RANGE = 2.0  # m, from the centre of a pedestrian to the surface of a wall; others have no effect on it
 FADING_DISTANCE = 1.0  # m, over which attention falls to 0 at the range, so that no force sets in suddenly
+_MANY = 6  # neighbours from which on it is worth to know how far the nearest wall is
 _CELL = 1.001 * INTERACTION_RANGE  # m, minimum width: rounding must not put a pair within the range two cells apart
 
 
 @subroutine
 def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Solids) -> int:
-    """Fill the neighbour lists: pedestrians within the interaction range, and the members of the same walking group.
+    """Fill the neighbour lists: pedestrians to whom each one attends, and the members of the same walking group.
 
     The time grows with the number of pedestrians and of neighbours. The lists do not depend on the cells. The attention
-    to a neighbour is 1 near by and falls to 0 at the range of `range_of`; it is 0 for a neighbour out of sight.
+    is 1 near by and falls to 0 at the range of `range_of`; it is 0 for a member of the group out of sight.
 
     Args:
         walkers: `position` and `group` are used; `neighbour_start`, `neighbour` and `attention` are filled.
@@ -33,8 +34,8 @@ def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Solids
         view_blocks: walls that can block a view.
 
     Returns:
-        Number of neighbours in all lists together, as far as they were found before `neighbour` was full. If it exceeds
-        the length of `neighbour`, the lists are not valid.
+        Number of pairs in both directions within the interaction range, or of one group, as far as they were found
+        before `neighbour` was full. If it exceeds the length of `neighbour`, the lists are not valid.
     """
     position, start, neighbour = walkers.position, walkers.neighbour_start, walkers.neighbour
     count, capacity = len(position), len(neighbour) // 2  # pairs
@@ -61,12 +62,16 @@ def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Solids
             previous_member[i], last_of_group[group] = last_of_group[group], i
         if pairs > capacity:
             return 2 * pairs
+        view = 0.0  # m, within which nothing blocks a line of sight
+        if near - first_pair[i] > _MANY:
+            _, view = nearest_within(view_blocks, x, y, INTERACTION_RANGE)
         for n in range(first_pair[i], pairs):
             j = earlier[n]
             later[j] += 1
             away[n] = INTERACTION_RANGE
-            if n < near and not is_crossed(view_blocks, x, y, position[j, 0], position[j, 1]):
-                away[n] = length(position[j, 0] - x, position[j, 1] - y)
+            distance = length(position[j, 0] - x, position[j, 1] - y)
+            if n < near and (distance < view or not is_crossed(view_blocks, x, y, position[j, 0], position[j, 1])):
+                away[n] = distance
     first_pair[count] = pairs
 
     # Later neighbours arrive in ascending order. Reading them row by row gives the earlier ones in that order.
@@ -89,13 +94,19 @@ def find_neighbours(walkers: Walkers, is_present: BoolArray, view_blocks: Solids
             place = later[neighbour[n]]
             neighbour[place], walkers.attention[place] = i, walkers.attention[n]
             later[neighbour[n]] = place + 1
+    low = kept = 0
     for i in range(count):
-        in_sight = 0
-        for n in range(start[i], start[i + 1]):
+        high, in_sight, group = start[i + 1], 0, walkers.group[i]
+        for n in range(low, high):
             in_sight += walkers.attention[n] < INTERACTION_RANGE
-        reach = range_of(in_sight)
-        for n in range(start[i], start[i + 1]):
-            walkers.attention[n] = clipped((reach - walkers.attention[n]) / FADING_DISTANCE, 0.0, 1.0)
+        reach, start[i] = range_of(in_sight), kept
+        for n in range(low, high):
+            weight = clipped((reach - walkers.attention[n]) / FADING_DISTANCE, 0.0, 1.0)
+            if weight > 0.0 or (group >= 0 and walkers.group[neighbour[n]] == group):
+                neighbour[kept], walkers.attention[kept] = neighbour[n], weight
+                kept += 1
+        low = high
+    start[count] = kept
     return total
 
 

@@ -27,7 +27,7 @@ class Walkers(NamedTuple):
 
     All arrays are contiguous and writeable: numba compiles a kernel anew for other kinds of arrays. The neighbours of
     agent i are `neighbour[n]` with n from `neighbour_start[i]` to before `neighbour_start[i + 1]`, in ascending order:
-    the agents within the interaction range (`neighbours.INTERACTION_RANGE`) and the members of its walking group.
+    the agents to whom it attends, within `neighbours.INTERACTION_RANGE`, and the members of its walking group.
 
     Attributes:
         position: (M, 2), m.
@@ -41,8 +41,8 @@ class Walkers(NamedTuple):
             skip their rows.
         neighbour_start: (M + 1,) of int, where the neighbours of each agent begin; the last item is their total number.
         neighbour: (K,) of int, the neighbours of agent 0, of agent 1, and so on; K may exceed the total number.
-        attention: (K,), how much the agent attends to each neighbour, in [0, 1]. Zero where a wall blocks the line of
-            sight and for members of the group beyond the interaction range.
+        attention: (K,), how much the agent attends to each neighbour, in [0, 1]. Zero for members of the group where a
+            wall blocks the line of sight, and beyond the range.
         wall_start: (M + 1,) of int, where the walls of each agent begin in `wall`; the last item is their total number.
         wall: (W,) of int, walls and edges of furniture near each agent (`neighbours.WALL_RANGE`), rows of the barriers
             in ascending order; W may exceed the total number.
