@@ -13,7 +13,7 @@ import numpy as np
 
 from ..core.entities import DEFAULT_KIND, Furniture, Group, Human
 from ..core.files.limits import MAX_TRACK_POINTS
-from ..core.geometry import Barriers, Disc, Point, Pose, Stadium, canonical_angle, quantised
+from ..core.geometry import Barriers, Disc, Point, Pose, Stadium, canonical_angle, quantised, segments_cross
 from ..core.navigation import FreeSpace
 from ..core.outlines import outline_row, shape_gap
 from ..core.portable_math import PI, angle_of
@@ -372,7 +372,7 @@ def _interpolate(track: Track, slopes: list[Point], k: int, t: float) -> Point:
 
 
 def check_placed_positions(placed: NumberedEntities, plan: FloorPlan, robots: Sequence[RobotConfig]) -> None:
-    """Check that given positions lie in the room, and that no given robot starts on a pedestrian.
+    """Check that positions lie in the room, no wall is between people who talk, and no robot starts on a pedestrian.
 
     Args:
         placed: the pedestrians.
@@ -380,7 +380,7 @@ def check_placed_positions(placed: NumberedEntities, plan: FloorPlan, robots: Se
         robots: all robots.
 
     Raises:
-        SceneError: a start, track or goal is outside the room, or a robot overlaps a pedestrian at tick 0.
+        SceneError: a start, track or goal is outside the room, or one of the other two is the case.
     """
     if not placed.humans:
         return
@@ -403,6 +403,15 @@ def check_placed_positions(placed: NumberedEntities, plan: FloorPlan, robots: Se
             is_near = dx * dx + dy * dy < contact * contact
             if is_near and shape_gap(shape, pose, core, human.pose) == 0.0:
                 raise SceneError(f"the robot would start on person {human.id}; give it another pose")
+    position = {human.id: human.pose.position for human in placed.humans if human.behaviour == "standing"}
+    for link in placed.interactions:
+        if link.src in position and link.dst in position:
+            start, end = np.array([position[link.src]]), np.array([position[link.dst]])
+            if segments_cross(start, end, plan.barriers).any():
+                raise SceneError(
+                    f"a wall is between person {link.src} and person {link.dst}, who talk; move one of them, or give "
+                    "them different groups"
+                )
 
 
 def place_given(

@@ -254,6 +254,15 @@ def test_a_person_outside_the_room_or_under_the_robot_is_an_error(person: dict[s
     assert "\n" not in str(error.value)
 
 
+def test_a_wall_between_people_who_talk_is_an_error() -> None:
+    people = [{"x": 0.0, "y": y, "group": 1} for y in (-0.6, 0.6)]
+    room = {"kinds": "rectangle", "breadth": 8, "length": 8}
+    assert s2.generate(s2.ScenarioConfig(room=room, people=people), 1).groups
+    room["walls"] = [(-2.0, 0.0, 2.0, 0.0)]
+    with pytest.raises(SceneError, match="a wall is between person 1 and person 2, who talk; move one of them"):
+        s2.generate(s2.ScenarioConfig(room=room, people=people), 1)
+
+
 def test_jitter_into_a_wall_is_an_error_that_names_the_position() -> None:
     with pytest.raises(SceneError, match=r"person 1 does not fit at \(3\.\d+, 2\); move it"):
         s2.generate(config_with({"x": 3.9, "y": 2.0, "jitter": (0.05, 0.0, 0.0)}), 1)
