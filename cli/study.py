@@ -54,8 +54,8 @@ def check(file: Path, participant: int) -> None:
         study.check_scenes(advance)
     warnings, quota = study.config.untranslated(), study.config.quota_answers()
     if wants_json():
-        places = {name: places for _, name, places in quota}
-        show_json({"steps": [_step_row(study, step) for step in steps], "quota": places, "warnings": warnings})
+        rows = [{"answer": name, "places": places} for _, name, places in quota]
+        show_json({"steps": [_step_row(study, step) for step in steps], "quota": rows, "warnings": warnings})
         return
     for warning in warnings:
         echo(f"warning: {warning}", err=True)

@@ -164,11 +164,12 @@ def _search(
         if _LONG < reached <= _TOO_LONG and not is_connected:
             if len(waiting_back) > 0:
                 is_connected = _look_back(space, graph, waiting_back, is_seen, is_done, x, y, end_x, end_y, found)
-                continue
-            for _, code in waiting:
-                is_connected |= is_seen[code % (end + 1)]  # in view of the start, or of a node that was reached
-            if not is_connected:
-                return math.inf, 0  # the end lies in a closed space
+            else:  # the end lies in a closed space, unless the start, or a node that was reached, sees into it
+                for _, code in waiting:
+                    k = code % (end + 1)
+                    is_connected |= k != end and is_seen[k]
+                if not is_connected:
+                    return math.inf, 0
     return math.inf, 0
 
 

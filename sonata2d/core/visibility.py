@@ -91,8 +91,8 @@ def find_nodes(packed_space: Any) -> tuple[Array, Array]:
 
 def index_nodes(grid: Grid, nodes: Array) -> tuple[IntArray, IntArray]:
     """`Graph.first` and `Graph.item`."""
-    size, most = np.array((grid.west, grid.south)), (grid.columns - 1.0, grid.rows - 1.0)
-    column, row = ((nodes[:, : Y + 1] - size) / grid.cell).clip(0.0, most).astype(np.int64).T
+    corner, most = np.array((grid.west, grid.south)), (grid.columns - 1.0, grid.rows - 1.0)
+    column, row = ((nodes[:, : Y + 1] - corner) / grid.cell).clip(0.0, most).astype(np.int64).T
     cell = column * grid.rows + row
     item = np.argsort(cell, kind="stable")
     return np.searchsorted(cell[item], np.arange(grid.columns * grid.rows + 1)), item

@@ -304,7 +304,16 @@ def _runs(flags: list[bool]) -> Iterator[tuple[int, int]]:
 
 
 def _place(point: tuple[float, float]) -> str:
-    return f"({point[0] + 0.0:.1f}, {point[1] + 0.0:.1f})"
+    return f"({tenths(point[0])}, {tenths(point[1])})"
+
+
+def tenths(value: float) -> str:
+    """A number with one decimal.
+
+    >>> tenths(1.26)
+    '1.3'
+    """
+    return f"{value + 0.0:.1f}"
 
 
 def _offset(ahead: float, left: float) -> str:

@@ -372,7 +372,7 @@ def _interpolate(track: Track, slopes: list[Point], k: int, t: float) -> Point:
 
 
 def check_placed_positions(placed: NumberedEntities, plan: FloorPlan, robots: Sequence[RobotConfig]) -> None:
-    """Check that positions lie in the room, no wall is between people who talk, and no robot starts on a pedestrian.
+    """Check that positions lie in the room, no wall is inside a standing group, and no robot starts on a pedestrian.
 
     Args:
         placed: the pedestrians.
@@ -409,8 +409,8 @@ def check_placed_positions(placed: NumberedEntities, plan: FloorPlan, robots: Se
             start, end = np.array([position[link.src]]), np.array([position[link.dst]])
             if segments_cross(start, end, plan.barriers).any():
                 raise SceneError(
-                    f"a wall is between person {link.src} and person {link.dst}, who talk; move one of them, or give "
-                    "them different groups"
+                    f"a wall is between person {link.src} and person {link.dst}, who stand in one group; move one of "
+                    "them, or give one another `group`"
                 )
 
 

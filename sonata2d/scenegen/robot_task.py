@@ -201,15 +201,12 @@ def _drawn_task(
         )
     fewer = "fewer humans and robots" if config.robots else "fewer humans"
     last = "set robot.on_ways to null" if config.robot.on_ways is not None else "make the robot smaller"
-    closed = (
-        "let robots open more doors, "
-        if any(d.opened_by in ("people", "nobody") for d in config.interior_doors)
-        else ""
-    )
-    forbidden = "make the no-go areas smaller, " if any(area.no_go for area in config.areas) else ""
+    remedies = "make the no-go areas smaller, " if any(area.no_go for area in config.areas) else ""
+    if any(d.opened_by == "people" or (d.opened_by == "nobody" and d.opening == 0.0) for d in config.interior_doors):
+        remedies += "let robots open more doors, "
     raise SceneError(
         f"no free start and goal for {name} in a {layout.plan.size_text} room after {config.max_attempts} attempts; "
-        f"{forbidden}{closed}widen the room, ask for {fewer} and less furniture, or {last}"
+        f"{remedies}widen the room, ask for {fewer} and less furniture, or {last}"
     )
 
 

@@ -332,7 +332,7 @@ class StudyConfig(Settings):
             raise setting_error(reason, "quota", "places")
 
     def quota_answers(self) -> list[tuple[bool | int, str, int]]:
-        """The answers of the quota, as they are stored; their names in the first language; and their places."""
+        """The answers of the quota as they are stored; their names: yes, no, or in the first language; and places."""
         if (quota := self.quota) is None:
             return []
         asked = next(entry for entry in self.demographics if entry.name == quota.question)

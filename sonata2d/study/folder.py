@@ -213,7 +213,11 @@ class StudyFolder:
             return []
         with self._adding:
             taken = Counter(self._answer_of(id, quota.question) for id in self._places())
-        return [(name, taken[answer], places) for answer, name, places in self.study.config.quota_answers()]
+        words = self.study.tables[self.study.config.languages[0]]
+        return [
+            (words[f"question.{name}"] if isinstance(answer, bool) else name, taken[answer], places)
+            for answer, name, places in self.study.config.quota_answers()
+        ]
 
     def _answer_of(self, participant: str, question: str) -> Any:
         """The last answer of a participant to a demographic question; None without one.

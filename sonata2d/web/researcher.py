@@ -10,7 +10,7 @@ from collections.abc import Callable, Container, Mapping
 from ..collect.agreement import agreement as agreement_of
 from ..collect.rating import ratings_of
 from ..core.wording import one_line
-from ..errors import Sonata2dError
+from ..errors import RecordError, Sonata2dError
 from ..study.folder import StudyFolder
 from ..study.links import Links
 from ..study.plan import condition_of, rows_of
@@ -52,7 +52,7 @@ class Researcher:
         self._stored: dict[str, Progress] = {}  # of participants who are away
         self._problems: list[str] = []
         self._quota: list[tuple[str, int, int]] = []
-        self._quota_time = -math.inf
+        self._quota_time, self._quota_problem = -math.inf, ""
         self._is_read = False
 
     def forget(self) -> None:
@@ -81,7 +81,11 @@ class Researcher:
             self._stored, self._problems = await asyncio.to_thread(progress_of_all, self._folder)
             self._is_read = True
         if self._folder.study.config.quota is not None and time.monotonic() > self._quota_time + _QUOTA_PERIOD:
-            self._quota, self._quota_time = await asyncio.to_thread(self._folder.quota), time.monotonic()
+            self._quota_time, self._quota_problem = time.monotonic(), ""
+            try:
+                self._quota = await asyncio.to_thread(self._folder.quota)
+            except RecordError as error:
+                self._quota_problem = str(error)
         return self._overview()
 
     def _add(self, count: int) -> None:
@@ -99,7 +103,7 @@ class Researcher:
                 *dict.fromkeys(condition_of(config.order, scenarios, row) for row in range(rows_of(config)))
             ],
             "quota": {"question": config.quota.question, "answers": self._quota} if config.quota else None,
-            "problem": one_line("; ".join(self._problems), 300),
+            "problem": one_line("; ".join(filter(None, [*self._problems, self._quota_problem])), 300),
             "participants": [
                 self._row(index, id, tokens.get(id))
                 for index, id in enumerate(self._folder.participants)

@@ -22,7 +22,7 @@ from sonata2d.core.barrier_grid import Solids, solids_of
 from sonata2d.core.compiled.kernel import kernel
 from sonata2d.core.compiled.packing import pack, unpack
 from sonata2d.core.entities import Group, Human, Wall
-from sonata2d.core.geometry import Barriers, Pose, Twist
+from sonata2d.core.geometry import Barriers, Pose, Twist, segments_cross
 from sonata2d.core.portable_math import Array, BoolArray, IntArray
 from sonata2d.registry import PEDESTRIAN_MODELS
 from sonata2d.sim.world import World
@@ -83,17 +83,23 @@ def test_the_neighbours_are_those_of_a_search_through_all_pairs(seed: int) -> No
     distance = np.sqrt(x * x + y * y)
     is_neighbour = (distance < INTERACTION_RANGE) | ((group[:, None] == group) & (group >= 0))
     is_neighbour &= is_present[:, None] & is_present & ~np.eye(count, dtype=bool)
-    in_sight = (is_neighbour & (distance < INTERACTION_RANGE)).sum(axis=1).tolist()
+    ends = positions(rng, 2 * int(rng.integers(0, 8))).reshape(-1, 4).tolist()
+    walls = Barriers.of([((ax, ay), (bx, by), 0.05) for ax, ay, bx, by in ends])
+    i, j = (index.ravel() for index in np.indices((count, count)))
+    is_seen = ~segments_cross(position[i], position[j], walls).any(axis=0).reshape(count, count)
+    is_seen &= distance < INTERACTION_RANGE
+    in_sight = (is_neighbour & is_seen).sum(axis=1).tolist()
     reach = np.array([range_of(number) for number in in_sight]).reshape(-1, 1)
-    attention = np.clip((reach - distance) / FADING_DISTANCE, 0.0, 1.0)
+    attention = np.clip((reach - distance) / FADING_DISTANCE, 0.0, 1.0) * is_seen
+    view_blocks = solids_of(walls)
     is_listed = is_neighbour & ((attention > 0.0) | ((group[:, None] == group) & (group >= 0)))
 
     for is_compiled in (False, True):
         walkers = walkers_at(position, group, count * count)
         if is_compiled:
-            total = compiled_search(pack(walkers), is_present, pack(NO_WALLS))
+            total = compiled_search(pack(walkers), is_present, pack(view_blocks))
         else:
-            total = find_neighbours(walkers, is_present, NO_WALLS)
+            total = find_neighbours(walkers, is_present, view_blocks)
         assert total == is_neighbour.sum()
         assert walkers.neighbour_start[-1] == is_listed.sum()
         for i in range(count):

@@ -227,7 +227,7 @@ def test_the_positions_in_the_text_suffice_for_the_answer_which_is_not_in_it() -
                     if f"person {id}" in at:
                         least[id] = min(least[id], float(np.hypot(*(at[f"person {id}"] - at["robot"]))))
             if meta["kind"] == "closest-approach":
-                assert abs(float(answer.split()[0]) - least[meta["ids"][0]]) < 0.2
+                assert answer == f"{least[meta['ids'][0]]:.1f} m"
             else:
                 assert answer == f"person {min(least, key=lambda id: least[id])}"
             answered += 1

@@ -128,6 +128,7 @@ def test_a_file_with_other_values_than_declared_is_refused(tmp_path: Path, chang
         ),
         ({"episode": {"robot_carries": "text"}}, "the attribute has no value in any episode; give value, or what"),
         ({"people": {"emotion": {"values": ["calm", "sad"]}}}, "or a short form: a list of names"),
+        ({"episode": {"limit": {"value": 3}}}, r"attributes\.episode\.limit\.type: Field required"),
         ({"episode": {"limit": {"type": "number", "value": "x"}}}, "must be a number"),
         ({"people": {"age": {"type": "number", "value": 3}}}, "a value in a declaration is of the episode"),
     ],
@@ -162,6 +163,7 @@ def test_a_value_that_does_not_fit_its_declaration_is_refused(values: Any, probl
         ({"weights": {"calm": 1, "sad": 2}}, {"type": "classes", "weights": {"calm": 1, "sad": 2}}),
         ({"share": 0.5}, {"type": "yes_no", "share": 0.5}),
         ({"min": 1, "max": 2}, {"type": "number", "range": [1, 2]}),
+        ({"min": 1, "mid": 1, "max": 2}, {"type": "classes", "weights": {"min": 1, "mid": 1, "max": 2}}),
     ],
 )
 def test_the_type_of_an_attribute_follows_from_its_distribution(short: Any, long: Any) -> None:

@@ -259,7 +259,7 @@ def test_a_wall_between_people_who_talk_is_an_error() -> None:
     room = {"kinds": "rectangle", "breadth": 8, "length": 8}
     assert s2.generate(s2.ScenarioConfig(room=room, people=people), 1).groups
     room["walls"] = [(-2.0, 0.0, 2.0, 0.0)]
-    with pytest.raises(SceneError, match="a wall is between person 1 and person 2, who talk; move one of them"):
+    with pytest.raises(SceneError, match="a wall is between person 1 and person 2, who stand in one group; move one"):
         s2.generate(s2.ScenarioConfig(room=room, people=people), 1)
 
 

@@ -36,6 +36,30 @@ def test_a_track_counts_as_a_path_and_is_mirrored_with_the_scene() -> None:
     assert all(abs(generate(config, seed).goal.y + 3.0) <= 0.5 + 1e-4 for seed in range(5))
 
 
+@pytest.mark.parametrize(
+    ("section", "remedy"),
+    [
+        ({"areas": [{"name": "all", "polygon": [[-4, -4], [4, -4], [4, 4], [-4, 4]], "no_go": True}]}, "no-go areas"),
+        ({"opened_by": "people"}, "let robots open more doors"),
+        ({"opened_by": "nobody", "opening": 1.0}, None),
+    ],
+)
+def test_no_go_areas_and_closed_doors_are_named_where_there_is_no_way(
+    section: dict[str, Any], remedy: str | None
+) -> None:
+    room: dict[str, Any] = {"kinds": "square", "side": 8}
+    if "areas" not in section:
+        room["walls"] = [[0, -4, 0, -0.45], [0, 0.45, 0, 4]]
+        section = {"interior_doors": [{"x": 0, "y": 0, **section}], "robot": {"pose": [-2, 0, 0]}}
+        section |= {"goal": {"position": [2, 0]}} if remedy is None else {"goal": {"min_distance": 11}}
+    config = ScenarioConfig(**EMPTY | {"room": room} | section)
+    if remedy is None:
+        assert generate(config, 1).goal.x == 2.0
+        return
+    with pytest.raises(SceneError, match=f"{remedy}.*, widen the room"):
+        generate(config, 1)
+
+
 def test_without_paths_the_error_names_the_setting() -> None:
     with pytest.raises(SceneError, match=r"no free start and goal .* or set robot\.on_ways to null$"):
         generate(ScenarioConfig(**EMPTY, robot={"on_ways": 1.0}), 1)

@@ -283,8 +283,18 @@ def test_places_of_the_quota_by_answer(browser: Any, study_folder: Path) -> None
         page.get_by_text("Places taken, by the answer to “gender”: woman (1/3), man (2/2)", exact=True).wait_for()
         assert page.problems == []
         page.context.close()
+        personal = served.server.folder.personal_of("p001")
+        personal.write_text("x\n" + personal.read_text())
     finally:
         served.stop()
+    again = Served(study_folder)
+    try:
+        with client_of(page_of(again)) as client:
+            overview = client.ask(type="overview")  # the page works with a damaged file, and names it
+            assert len(overview["participants"]) == 3
+            assert "p001.jsonl, line 1" in overview["problem"]
+    finally:
+        again.stop()
 
 
 def test_a_study_without_conditions_shows_none(browser: Any, served: Served) -> None:

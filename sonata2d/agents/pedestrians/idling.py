@@ -136,6 +136,6 @@ def _nearest_passing(k: int, humans: Array, walkers: Walkers) -> int:
         dx, dy = humans[j, X] - humans[k, X], humans[j, Y] - humans[k, Y]
         distance = length(dx, dy)
         is_ahead = dx * humans[k, BODY_X] + dy * humans[k, BODY_Y] > _PASSING_COSINE * distance
-        if walkers.walks[j] and distance < least and is_ahead:
+        if walkers.walks[j] and walkers.attention[n] > 0.0 and distance < least and is_ahead:
             nearest, least = int(j), distance
     return nearest

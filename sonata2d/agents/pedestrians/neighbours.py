@@ -17,7 +17,7 @@ INTERACTION_RANGE = 5.0  # m, between centres; pedestrians that are farther apar
 _ATTENDED = 20.0  # number of others in sight from which on the range shrinks: near people hide those behind them
 WALL_RANGE = 2.0  # m, from the centre of a pedestrian to the surface of a wall; others have no effect on it
 FADING_DISTANCE = 1.0  # m, over which attention falls to 0 at the range, so that no force sets in suddenly
-_MANY = 6  # neighbours from which on it is worth to know how far the nearest wall is
+_MANY = 6  # for more neighbours, the distance of the nearest wall is found first
 _CELL = 1.001 * INTERACTION_RANGE  # m, minimum width: rounding must not put a pair within the range two cells apart
 
 

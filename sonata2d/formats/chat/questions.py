@@ -15,7 +15,7 @@ from ...core.entities import Human
 from ...core.portable_math import Array
 from ...core.relations import ACTIVITIES, ACTIVITY, RELATION
 from ...core.rng import RandomStream
-from ...metrics.words import listed, name_of, path_ticks, persons, value_word
+from ...metrics.words import listed, name_of, path_ticks, persons, tenths, value_word
 from ...record.record import EpisodeRecord
 
 _MARGIN, _SPEED_MARGIN = 0.15, 0.1  # m and m/s, by which an answer must be clear
@@ -67,9 +67,14 @@ class _Episode:
         return path_ticks(self.record)
 
     def least_distance(self, k: int) -> tuple[float, float]:
-        """Least distance of a person from the robot: of all ticks, and of those that are told; m."""
+        """Least distance of a person from the robot: of all ticks, and of the positions that are told; m."""
         own = np.where(np.isfinite(self.distance[:, k]), self.distance[:, k], math.inf)
-        return float(own.min()), float(own[self.told].min())
+        told = (
+            math.dist(*([float(tenths(v)) for v in row[tick, :2]] for row in (self.robot, self.humans[:, k])))
+            for tick in self.told
+            if self.states.present[tick, k]
+        )
+        return float(own.min()), min(told, default=math.inf)
 
     def moment(self) -> tuple[int, str]:
         """A random tick, and its time in words."""
@@ -206,7 +211,8 @@ def _closest_approach(e: _Episode) -> Question | None:
     if k is None:
         return None
     least, told = e.least_distance(k)
-    if not (math.isfinite(told) and _is_clear(least, 0.005) and f"{least:.1f}" == f"{told:.1f}"):
+    is_told = math.isfinite(told) and tenths(least) == tenths(told)
+    if not (is_told and _is_clear(least, 0.005) and _is_clear(told, 1e-6)):
         return None
     text = f"How near does the robot come to person {e.ids[k]}, from centre to centre?"
     return Question("closest-approach", text, f"{least:.1f} m", None, (int(e.ids[k]),))

@@ -61,9 +61,11 @@ class AttributeConfig(Settings):
             raise setting_error('names that YAML reads as true or false need quotes: ["yes", "no"]')
         if isinstance(value, list | tuple) and any(isinstance(each, int | float) for each in value):
             return {"type": "number", "range": value}
+        if isinstance(value, Mapping) and set(value) == {"value"}:
+            return value  # without the type, which is an error
         if isinstance(value, Mapping) and set(value) <= {*_TYPES, "value"}:
-            return {"type": next((type for key, type in _TYPES.items() if key in value), ""), **value}
-        if isinstance(value, Mapping) and {"min", "max"} <= set(value):
+            return {"type": next(type for key, type in _TYPES.items() if key in value), **value}
+        if isinstance(value, Mapping) and {"min", "max"} <= set(value) <= {"min", "max", "step"}:
             return {"type": "number", "range": value}
         if isinstance(value, Mapping) and not all(isinstance(each, int | float) for each in value.values()):
             raise setting_error(

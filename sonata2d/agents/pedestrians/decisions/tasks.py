@@ -20,7 +20,7 @@ from ....core.philox import uniform
 from ....core.portable_math import Array, IntArray
 from ..crowd_state import COMPANY, CrowdState
 from ..doorways import watch_doors
-from ..routes import ARRIVAL_DISTANCE
+from ..routes import ARRIVAL_DISTANCE, is_near
 from ..social.company import STANDING, TALKS, add_link, is_in_the_way, start_walking, update_links
 from ..social.f_formations import PAIR_DISTANCE, widened
 from ..social.tasks import EXIT, NO_TASK, QUEUE, SEATED, SIT, STAY, TALK, TURNING, VISIT
@@ -322,7 +322,7 @@ def _spot_beside(crowd: CrowdState, k: int, leader: int, x: float, y: float, tak
 def _start_meetings(crowd: CrowdState, tick: int) -> None:
     """Let pairs of pedestrians that come near each other stop and talk; those with goals go on to these.
 
-    A pair is asked once per encounter; pairs that are near at the start have met already.
+    A pair in sight of each other is asked once per encounter; pairs that are near at the start have met already.
     """
     meetings, tasks, walkers = crowd.meetings, crowd.tasks, crowd.walkers
     count = len(tasks.kind)
@@ -333,24 +333,29 @@ def _start_meetings(crowd: CrowdState, tick: int) -> None:
     total = 0
     for i in range(count):
         meetings.start[i] = total
-        for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
-            j = walkers.neighbour[n]
-            dx, dy = x_of(crowd, j) - x_of(crowd, i), y_of(crowd, j) - y_of(crowd, i)
-            square = dx * dx + dy * dy
-            if j < i or not square < _SEPARATION * _SEPARATION:
-                continue
-            has_met = not meetings.is_begun[0]
-            for m in range(start[i], start[i + 1]):
-                has_met = has_met or other[m] == j
-            if square < _MEETING_DISTANCE * _MEETING_DISTANCE and not has_met:
-                has_met = True
-                # Nobody stops for two others in the same tick.
-                wants_to = is_able[i] and is_able[j] and uniform(crowd.draws, i, COMPANY) < crowd.habits.meets
-                if wants_to and _stop_to_talk(crowd, i, j, tick):
-                    is_able[i] = is_able[j] = False
-            if has_met and total < len(meetings.other):
+        for m in range(start[i], start[i + 1]):  # those who have met, until they are apart
+            j = other[m]
+            is_there = crowd.is_present[i] and crowd.is_present[j] and total < len(meetings.other)
+            if is_there and is_near(x_of(crowd, i), y_of(crowd, i), x_of(crowd, j), y_of(crowd, j), _SEPARATION):
                 meetings.other[total] = j
                 total += 1
+        for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
+            j = walkers.neighbour[n]
+            reach = _MEETING_DISTANCE if meetings.is_begun[0] else _SEPARATION
+            if j < i or not is_near(x_of(crowd, i), y_of(crowd, i), x_of(crowd, j), y_of(crowd, j), reach):
+                continue
+            has_met = total == len(meetings.other)
+            for m in range(meetings.start[i], total):
+                has_met = has_met or meetings.other[m] == j
+            if has_met:
+                continue
+            meetings.other[total] = j
+            total += 1
+            # Nobody stops for two others in the same tick.
+            if meetings.is_begun[0] and is_able[i] and is_able[j]:
+                wants_to = uniform(crowd.draws, i, COMPANY) < crowd.habits.meets
+                if wants_to and _stop_to_talk(crowd, i, j, tick):
+                    is_able[i] = is_able[j] = False
     meetings.start[count], meetings.is_begun[0] = total, True
 
 
