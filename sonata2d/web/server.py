@@ -96,6 +96,7 @@ class StudyServer:
         self._locks: dict[str, asyncio.Lock] = {}
         self._open = 0
         self._words, self._url = folder.study.tables, settings.url and settings.url.rstrip("/")
+        self._requires = folder.study.config.requires.model_dump(exclude_defaults=True)
         self._public_host = urlsplit(self._url).netloc.lower() if self._url else None
         connected = self._pages.keys()
         self._researcher = Researcher(folder, links, self.sessions, connected, self.new_participant)
@@ -164,7 +165,7 @@ class StudyServer:
             return self._not_found(request)
         config = self.folder.study.config
         data: Json = {"words": self._words, "languages": config.languages, "title": config.title}
-        data["requires"] = config.requires.model_dump(exclude_defaults=True)
+        data["requires"] = self._requires
         data["simulator"] = self._simulator_place
         return _page("study.html", language=config.languages[0], title="sonata2d", script="page.js", data=data)
 
@@ -203,8 +204,7 @@ class StudyServer:
         heading = words[title] if title else in_language(config.title, language)
         texts: Json = {"text": words.get(text), "button": words.get(button)}
         if button:
-            requires = config.requires.model_dump(exclude_defaults=True)
-            texts |= {"script": "join.js", "data": {"requires": requires, "words": words}}
+            texts |= {"script": "join.js", "data": {"requires": self._requires, "words": words}}
         if leave is not None:
             texts |= leave | {"back": words["web.leave"], "your_code": words["web.code"]}
         return _page("message.html", status, language=language, title=heading, **texts)

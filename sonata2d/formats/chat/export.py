@@ -38,8 +38,8 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
         raise UnsuitableEpisode(record.path, "the episode has no frame to ask about", "leave out such episodes")
     count = QUESTIONS if options.questions is None else options.questions
     task, told = instruction(record.scene()), " ".join(story(record))
-    start = f"At the start: {situation(record.snapshot(0))}"
-    asked = f"Task of the robot: {task.text} {start} {path_words(record)} Describe what happens."
+    episode = f"At the start: {situation(record.snapshot(0))} {path_words(record)}"
+    asked = f"Task of the robot: {task.text} {episode} Describe what happens."
     lines = [_line(record, 0, asked, told, {
         "kind": "description", "instruction": task.text, "slots": task.slots
     }, None, options)] if count else []  # fmt: skip
@@ -52,9 +52,7 @@ def export(record: EpisodeRecord, options: Options) -> bytes:
                 "report this as an error of sonata2d",
             )
         meta = {"kind": question.kind, "tick": question.tick, "ids": question.ids, "value": question.value}
-        context = (
-            f"{start} {path_words(record)}" if question.tick is None else situation(record.snapshot(question.tick))
-        )
+        context = episode if question.tick is None else situation(record.snapshot(question.tick))
         text = f"{context} {question.text}"
         lines.append(_line(record, k, text, question.answer, meta, question.tick, options))
     return b"".join(orjson.dumps(line) + b"\n" for line in lines)

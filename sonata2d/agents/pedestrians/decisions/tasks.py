@@ -333,7 +333,7 @@ def _start_meetings(crowd: CrowdState, tick: int) -> None:
     total = 0
     for i in range(count):
         meetings.start[i] = total
-        for m in range(start[i], start[i + 1]):  # those who have met, until they are apart
+        for m in range(start[i], start[i + 1]):  # pairs that have met and are still near
             j = other[m]
             is_there = crowd.is_present[i] and crowd.is_present[j] and total < len(meetings.other)
             if is_there and is_near(x_of(crowd, i), y_of(crowd, i), x_of(crowd, j), y_of(crowd, j), _SEPARATION):
