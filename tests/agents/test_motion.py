@@ -161,6 +161,21 @@ def test_people_in_a_stream_pass_a_corner_side_by_side() -> None:
     assert np.percentile(stream, 90) - np.percentile(stream, 10) > 0.9
 
 
+def test_people_beside_an_opening_enter_the_stream_that_passes() -> None:
+    """A stream enters a corridor 1.8 m wide; two people begin behind its wall ends, and nobody is pushed there."""
+    polygon = ((-14.0, -4.0), (10.0, -4.0), (10.0, 4.0), (-14.0, 4.0))
+    ends = [((0.0, side * 0.9), (0.0, side * 4.0)) for side in (-1.0, 1.0)]
+    inner = [Wall(*end) for end in ends] + [Wall((0.0, y), (9.0, y)) for y in (-0.9, 0.9)]
+    places = [(-1.0 - 0.7 * (k // 3), 0.6 * (k % 3 - 1)) for k in range(48)] + [(-0.3, 1.3), (-0.3, -1.3)]
+    humans = [going(k + 1, x, y, (8.0, 0.5 * y), exits=True, velocity=(1.0, 0.0)) for k, (x, y) in enumerate(places)]
+    snapshots = simulate(room(humans, inner=inner, polygon=polygon, robot=Pose(-13.0, 3.0)), 20.0)
+    beside = np.zeros(len(places))
+    for snapshot in snapshots:
+        x, y = snapshot.humans.position.T
+        beside[snapshot.humans.id[(np.abs(x + 0.2) < 0.3) & (np.abs(y) > 0.8)] - 1] += 0.1
+    assert beside.max() < 4.0, beside
+
+
 def test_people_leave_at_a_place_that_is_taken_once_they_have_walked_past_it() -> None:
     taken = Human(1, Pose(3.0, 0.0))
     humans = [taken, going(2, -3.0, 0.0, (3.0, 0.0), exits=True), going(3, 3.0, -3.0, (3.0, 0.0), exits=True)]

@@ -111,6 +111,6 @@ def test_encounters_are_as_urgent_as_recorded_ones(
     check: ModuleType, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     scene, all_windows = check.Scene(SHARED / "data" / "real" / f"{name}.csv"), check.windows
-    monkeypatch.setattr(check, "windows", lambda scene, oracle: list(all_windows(scene, oracle))[::6])
+    monkeypatch.setattr(check, "windows", lambda scene, oracle: list(all_windows(scene, oracle))[::3])
     ours, straight = (check.replay(check.load(model), scene) for model in ("sonata2d.testing.realism", "straight"))
     assert ours["W_urgency"] < straight["W_urgency"]

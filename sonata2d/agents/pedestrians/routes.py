@@ -34,6 +34,7 @@ _MINIMUM_PROGRESS = 0.4  # m
 # Distance from a corner at which a walker aims, m, per stranger on the inner side; largest and smallest such distance,
 # m; cosine of the largest angle between walkers of one stream; sine of the smallest turn that is a corner.
 _LANE, _WIDEST_SHIFT, _NARROWEST_SHIFT, _SAME_WAY_COSINE, _CORNER = 1.6, 2.0, 0.03, 0.5, 0.1
+_LANE_RANGE = 4.0  # m, from a corner, within which walkers in a stream choose how far beside it they pass
 MOST_WAYPOINTS = 32  # in a row of `Routes.path`
 _ROOM_AHEAD = 1.5  # m, free distance that a follower needs to walk beside its leader, and a walker to turn at a corner
 
@@ -257,12 +258,11 @@ def _find_room_abreast(routes: Routes, humans: Array, is_present: BoolArray, che
 
 @subroutine
 def set_targets(routes: Routes, humans: Array, is_present: BoolArray, solids: Solids) -> None:
-    """Set the targets to the present waypoints, and find the pedestrians that are about to stay or to leave."""
+    """Set the targets, and find the pedestrians that are about to stay or to leave."""
     for n in range(routes.walkers[0]):
         k = routes.order[n]
         if is_present[k] and routes.length[k] > 0:
-            step = routes.next[k]
-            routes.target[k, 0], routes.target[k, 1] = routes.path[k, step, 0], routes.path[k, step, 1]
+            routes.target[k, 0], routes.target[k, 1] = _point_to_aim_at(routes, k, humans[k, X], humans[k, Y])
     for n in range(routes.walkers[0]):
         k = routes.order[n]
         if not is_present[k]:
@@ -287,6 +287,24 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray, solids: So
 
 
 @subroutine
+def _point_to_aim_at(routes: Routes, k: int, x: float, y: float) -> Vector:
+    """The present waypoint of pedestrian k at (x, y), m; near it, a point on the leg behind it.
+
+    The nearer the pedestrian, the farther the point: it turns before it has reached the waypoint. One that others have
+    pushed past the waypoint, beside a corner, does not go back to it.
+    """
+    n = routes.next[k]
+    to_x, to_y = routes.path[k, n, 0], routes.path[k, n, 1]
+    dx, dy = x - to_x, y - to_y
+    distance = length(dx, dy)
+    if n == routes.length[k] - 1 or distance > _WAYPOINT_DISTANCE:
+        return to_x, to_y
+    ux, uy = unit_or(routes.path[k, n + 1, 0] - to_x, routes.path[k, n + 1, 1] - to_y, 1e-3, 0.0, 0.0)
+    beyond = max(dx * ux + dy * uy + _WAYPOINT_DISTANCE - distance, 0.0)
+    return to_x + beyond * ux, to_y + beyond * uy
+
+
+@subroutine
 def _has_passed(routes: Routes, k: int, x: float, y: float, solids: Solids) -> bool:
     """Whether pedestrian k at (x, y) has reached the end of its path, or walked past it."""
     n = routes.length[k] - 1
@@ -306,7 +324,8 @@ def _has_passed(routes: Routes, k: int, x: float, y: float, solids: Solids) -> b
 def keep_lanes(routes: Routes, walkers: Walkers, check_line: Ints, space: Any) -> None:
     """Let walkers in a stream pass a corner side by side: each one aims as far beside it as others walk on its inside.
 
-    Without this all would aim at the same point, and pass it one behind the other.
+    Without this all would aim at the same point, and pass it one behind the other. Farther than `_LANE_RANGE` from the
+    corner they do not mind it.
 
     Args:
         routes: after `set_targets`; targets are moved.
@@ -320,6 +339,8 @@ def keep_lanes(routes: Routes, walkers: Walkers, check_line: Ints, space: Any) -
         if not walkers.walks[k] or follows or n < 0 or n >= routes.length[k] - 1:
             continue
         x, y = routes.path[k, n, 0], routes.path[k, n, 1]
+        if not is_near(walkers.position[k, 0], walkers.position[k, 1], x, y, _LANE_RANGE):
+            continue
         ux, uy = unit_or(x - walkers.position[k, 0], y - walkers.position[k, 1], 1e-3, 0.0, 0.0)
         vx, vy = unit_or(routes.path[k, n + 1, 0] - x, routes.path[k, n + 1, 1] - y, 1e-3, 0.0, 0.0)
         turn = ux * vy - uy * vx
