@@ -50,7 +50,7 @@ class Sonata2026(NamedTuple):
     turning_time: float = 0.194
     headway_half_width: float = 0.329
     standstill_gap: float = -0.24
-    time_gap: float = 1.3
+    time_gap: float = 1.25
     matching_time: float = 1.1
     look_ahead_time: float = 1.014
     temperature: float = 0.071
