@@ -193,9 +193,9 @@ class RequiresConfig(Settings):
 class QuotaConfig(Settings):
     """Places by the answer to a demographic question, such as 20 for women and 20 for men.
 
-    If all places of an answer are taken, a participant who gives it reads that the study is full. The rows of Latin
-    squares, and the blocks of the order `between`, are balanced among the participants with the same answer. The
-    researcher's page shows how many places are taken.
+    When all places for an answer are taken, further participants with this answer see that the study is full. The rows
+    of Latin squares, and the blocks of the order `between`, are balanced among the participants with the same answer.
+    The researcher's page shows how many places are taken.
 
     Attributes:
         question: name of a question of `demographics`, of kind `yes_no` or `classes`.

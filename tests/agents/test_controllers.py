@@ -247,11 +247,13 @@ def test_error_classes_are_attributes_of_the_package() -> None:
     assert issubclass(s2.errors.SceneError, s2.Sonata2dError)
 
 
-def test_planner_overtakes_a_person_who_walks_slowly_ahead() -> None:
-    config = s2.load_scenario("overtaking")
-    verdicts = [rehearse(config, "overtaking", SocialPlanner(), episode=episode) for episode in [*range(20), 40, 66]]
-    missed = [verdict.description for verdict in verdicts if not verdict.took_place]
-    assert len(missed) <= 1, missed
+FALLS_BACK = pytest.mark.xfail(reason="the robot slows down beside the person and follows it", strict=True)
+
+
+@pytest.mark.parametrize("seed", [*range(17), pytest.param(17, marks=FALLS_BACK), 18, 19, 40, 66])
+def test_planner_overtakes_a_person_who_walks_slowly_ahead(seed: int) -> None:
+    verdict = rehearse(s2.load_scenario("overtaking"), "overtaking", SocialPlanner(), episode=seed)
+    assert verdict.took_place, verdict.description
 
 
 @pytest.mark.parametrize("dt", [0.1, 0.25, 0.5])

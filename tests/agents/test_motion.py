@@ -162,7 +162,7 @@ def test_people_in_a_stream_pass_a_corner_side_by_side() -> None:
 
 
 def test_people_beside_an_opening_enter_the_stream_that_passes() -> None:
-    """A stream enters a corridor 1.8 m wide; two people begin behind its wall ends, and nobody is pushed there."""
+    """A stream enters a corridor 1.8 m wide; two people start beside its entrance, and nobody stays there."""
     polygon = ((-14.0, -4.0), (10.0, -4.0), (10.0, 4.0), (-14.0, 4.0))
     ends = [((0.0, side * 0.9), (0.0, side * 4.0)) for side in (-1.0, 1.0)]
     inner = [Wall(*end) for end in ends] + [Wall((0.0, y), (9.0, y)) for y in (-0.9, 0.9)]

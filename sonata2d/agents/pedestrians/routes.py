@@ -63,7 +63,7 @@ class Routes(NamedTuple):
         is_abreast: (N,) of bool, pedestrians with room to walk beside the first member of their group, or without one.
         onward: (N, 2), m, the destination to which the pedestrian goes on from a via point or a stop; else NaN.
         checkpoint: (N, 2), m, position at the last progress check; NaN before the first.
-        target: (N, 2), m, the present waypoint.
+        target: (N, 2), m, the point at which the pedestrian aims: the present waypoint, or one near it.
         is_final: (N,) of bool, whether the target is where the pedestrian will stay.
         is_leaving: (N,) of bool, the pedestrian has reached the place where it leaves the scene.
         is_blocked: (N,) of bool, the pedestrian was pushed off its path and needs another one.
@@ -288,10 +288,10 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray, solids: So
 
 @subroutine
 def _point_to_aim_at(routes: Routes, k: int, x: float, y: float) -> Vector:
-    """The present waypoint of pedestrian k at (x, y), m; near it, a point on the leg behind it.
+    """The present waypoint of pedestrian k at (x, y), m; within `_WAYPOINT_DISTANCE` of it, a point on the next leg.
 
-    The nearer the pedestrian, the farther the point: it turns before it has reached the waypoint. One that others have
-    pushed past the waypoint, beside a corner, does not go back to it.
+    The nearer the pedestrian is to the waypoint, the farther along the leg the point lies. So it turns before it
+    reaches the waypoint, and does not go back to it if others have pushed it past.
     """
     n = routes.next[k]
     to_x, to_y = routes.path[k, n, 0], routes.path[k, n, 1]
@@ -324,8 +324,8 @@ def _has_passed(routes: Routes, k: int, x: float, y: float, solids: Solids) -> b
 def keep_lanes(routes: Routes, walkers: Walkers, check_line: Ints, space: Any) -> None:
     """Let walkers in a stream pass a corner side by side: each one aims as far beside it as others walk on its inside.
 
-    Without this all would aim at the same point, and pass it one behind the other. Farther than `_LANE_RANGE` from the
-    corner they do not mind it.
+    Without this all would aim at the same point, and pass it one behind the other. It applies to walkers within
+    `_LANE_RANGE` of the corner.
 
     Args:
         routes: after `set_targets`; targets are moved.
