@@ -132,7 +132,7 @@ def test_a_newcomer_completes_a_pair_to_a_circle() -> None:
     pair = [Human(1, Pose(-0.5, 1.0), 0.2), Human(2, Pose(0.5, 1.0), 0.2)]
     social = Social(joins=1.0, talk_time=(15.0, 15.0))
     interactions = (Interaction(1, TALKING, 2),)
-    scene = room([*pair, walker(3, 0.0, -3.0)], interactions=interactions, social=social, robot=CORNER, seed=1)
+    scene = room([*pair, walker(3, 0.0, -3.0)], interactions=interactions, social=social, robot=CORNER, seed=2)
     snapshots = simulate(scene, 29.0)
     circles = [s for s in snapshots if sum(i.relation == TALKING for i in s.interactions) == 3]
     assert len(circles) == 150

@@ -156,7 +156,7 @@ def _fill_field(
             price += 4.0 if lines[j] < radius else 0.0
             if len(slowness) > 0:
                 price *= slowness[i, j]
-            fits = inside[j] and to_wall >= -0.01 and to_person >= 0.02
+            fits = inside[j] and to_wall >= 0.0 and to_person >= 0.02
             layers[PRICE, i, j] = min(price, _BLOCKED) if fits else _BLOCKED
     goal_i, goal_j = int((goal_x - low[X]) / CELL + 0.5), int((goal_y - low[Y]) / CELL + 0.5)
     solve(layers[PRICE], layers[VALUE], forbidden, goal_i, goal_j)

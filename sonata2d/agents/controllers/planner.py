@@ -331,9 +331,12 @@ def _cheapest(
     reach = numbers[_MAX_SPEED] * _HORIZON + numbers[_ROBOT_RADIUS] + extent + 0.1  # m, within the horizon
     near = np.empty(len(solids.table), dtype=np.int64)
     near = near[: find_within(solids, position[0], position[1], reach, near)]
-    before = math.inf  # gap to the nearest barrier, of a robot that is no disc
-    for n in range(len(near) if len(body.core) > 1 else 0):
-        here = _gap_to(body, solids.table, near[n], position[0], position[1], direction[0], direction[1])
+    before = math.inf  # gap to the nearest barrier, m
+    for n in range(len(near)):
+        if len(body.core) > 1:
+            here = _gap_to(body, solids.table, near[n], position[0], position[1], direction[0], direction[1])
+        else:
+            here = gap(solids.table, near[n], position[0], position[1]) - numbers[_ROBOT_RADIUS]
         before = min(before, here)
     people = _nearby_people(numbers, discs, state, radius, shoulder, position, direction, speed)
     far = max(PERSONAL_DISTANCE, (speed - _SLOW_SPEED) / _SPEED_PER_METRE) + 1e-6  # m, beyond which people cost nothing
@@ -497,7 +500,7 @@ def _ground_cost(
 
     Courtesy reduces the surcharge of ground where the robot fits, but not of gaps that are too narrow for it.
 
-    A robot that is no disc may touch a wall as it turns: a trajectory that leads it away from there is not blocked.
+    A robot may be pushed to a wall, or touch it as it turns: a trajectory that leads it away from there is not blocked.
     """
     _, nx, ny = layers.shape
     covered, earliness, closeness, extent = 0.0, 0.0, 0.0, _extent(body.discs)
@@ -526,7 +529,9 @@ def _ground_cost(
         else:
             for n in range(len(nearby)):
                 distance = min(distance, gap(barriers, nearby[n], x, y))
-            is_blocked = distance < touching
+            gap_here = distance - numbers[_ROBOT_RADIUS]
+            is_blocked = gap_here < min(_OBSTACLE_MARGIN, before + _TINY)
+            before = gap_here
         if earliness == 0.0 and is_blocked:
             earliness = (STEPS - k) / STEPS
         if has_price:

@@ -20,14 +20,15 @@ class Sonata2026(NamedTuple):
     """Parameters; `docs/realism.md` says how they were found.
 
     Attributes:
-        relaxation_time: time constant of the speed along the chosen direction, s.
+        relaxation_time: time constant of the speed along the chosen direction, s; half of it near a robot.
         turning_time: of the velocity component across it, s; also the shortest time in which a walker would reach a
             thing or a person in its way.
         headway_half_width: half the width of the strip ahead in which others count, m.
         standstill_gap: gap at which the permitted speed is 0, m; below 0, bodies would touch first.
         time_gap: time in which the gap beyond `standstill_gap` would be walked, s.
-        matching_time: time for which those ahead are expected to go on as they walk, s: people in company walk at the
-            speed of the others rather than close every gap.
+        matching_time: time for which those who walk ahead are expected to go on, s: people in company walk at the
+            speed of the others rather than close every gap. Shorter for those who stand or come nearer, see
+            `headway_speed`.
         look_ahead_time: time for which the motion of others is predicted, and over which the force of a predicted
             approach falls to 1/e, s.
         temperature: difference of values at which the weight of a direction falls to 1/e, m/s.
@@ -41,17 +42,18 @@ class Sonata2026(NamedTuple):
         cohesion: rate at which members of a group return to their formation, 1/s.
         spacing: between neighbours abreast, m.
         wander: standard deviation of the angle by which a walker deviates from its direction, rad.
-        pace_deviation: standard deviation of the logarithm of the factor by which it deviates from its desired speed.
+        pace_deviation: standard deviation of the logarithm of the factor by which it deviates from its desired speed;
+            twice as much near a robot.
         deviation_time: over which both deviations fall to 1/e, s.
         crowd: sum of the weights of strangers around a walker, 1 for one beside it, at which its deviations are halved.
     """
 
-    relaxation_time: float = 0.25
+    relaxation_time: float = 0.6
     turning_time: float = 0.194
     headway_half_width: float = 0.329
-    standstill_gap: float = -0.24
-    time_gap: float = 1.25
-    matching_time: float = 1.1
+    standstill_gap: float = -0.28
+    time_gap: float = 1.35
+    matching_time: float = 4.0
     look_ahead_time: float = 1.014
     temperature: float = 0.071
     side_bonus: float = 0.107
@@ -300,8 +302,9 @@ def headway_speed(
         contact: distance of centres at contact, m.
         weight: attention to the neighbour, in [0, 1]; smaller weights enlarge the gap.
         time_gap: of the agent, s.
-        pace: speed of the neighbour along the path, m/s; one that comes nearer counts as standing.
-        matching_time: for which it is expected to keep this speed, s.
+        pace: speed of the neighbour along the path, m/s.
+        matching_time: for which a neighbour that walks is expected to keep this speed, s. Below `SLOW_PACE` it is
+            shorter in proportion to the pace, and 0 for one that stands or comes nearer.
         parameters: half width of the strip and standstill gap.
 
     Returns:
@@ -317,7 +320,8 @@ def headway_speed(
     effect = weight * (1.0 - edge * edge)
     if not effect > 0.0:
         return math.inf
-    gap = ahead - contact - p.standstill_gap + max(pace, 0.0) * matching_time
+    matching_time *= clipped(pace / SLOW_PACE, 0.0, 1.0)
+    gap = ahead - contact - p.standstill_gap + pace * matching_time
     return gap / (effect * (time_gap + matching_time))
 
 
@@ -470,8 +474,8 @@ def own_course(walkers: Walkers, i: int, memory: Memory, parameters: Sonata2026)
     """Angle by which agent i deviates from its direction, rad, and factor of its desired speed.
 
     Members of a group share the deviations of the first one that walks near by, so that they stay together. In a
-    crowd a walker goes where others leave room: its deviations fade. That of the course is halved while it heeds a
-    robot.
+    crowd a walker goes where others leave room: its deviations fade. While it heeds a robot, that of the course is
+    halved, and that of the speed is doubled.
     """
     p, lead, crowd = parameters, i, 0.0
     for n in range(walkers.neighbour_start[i], walkers.neighbour_start[i + 1]):
@@ -481,11 +485,11 @@ def own_course(walkers: Walkers, i: int, memory: Memory, parameters: Sonata2026)
         elif walkers.attention[n] > 0.0:
             dx, dy = walkers.position[j, 0] - walkers.position[i, 0], walkers.position[j, 1] - walkers.position[i, 1]
             crowd += walkers.attention[n] * exp(-length(dx, dy) / _NEAR)
-    square = (crowd / p.crowd) * (crowd / p.crowd)
+    square, watchful = (crowd / p.crowd) * (crowd / p.crowd), 1.0 + walkers.heed[i]
     share = 1.0 / (1.0 + square * square)
     course, pace = memory.deviation[lead, _COURSE], memory.deviation[lead, _PACE]
-    course = clipped(p.wander * share / (1.0 + walkers.heed[i]) * course, -_MOST_WANDER, _MOST_WANDER)
-    return course, exp(clipped(p.pace_deviation * share * pace, -_MOST_PACE, _MOST_PACE))
+    course = clipped(p.wander * share / watchful * course, -_MOST_WANDER, _MOST_WANDER)
+    return course, exp(clipped(p.pace_deviation * share * watchful * pace, -_MOST_PACE, _MOST_PACE))
 
 
 @kernel
@@ -565,8 +569,8 @@ def _accelerations(
         x, y, speed = with_body((body[i, 0], body[i, 1]), x, y, speed, pace[i], side, shuffle)
         speed *= group_pace
         own_velocity = (velocity[i, 0], velocity[i, 1])
-        along = gx * x + gy * y
-        drive = desired_change(own_velocity, (x, y), speed, along / tau, tau, turning_time, dt)
+        along, own_tau = gx * x + gy * y, max(tau / (1.0 + walkers.heed[i]), dt)
+        drive = desired_change(own_velocity, (x, y), speed, along / tau, own_tau, turning_time, dt)
         # Each member of a group evades less, so that the group keeps its formation, and others walk round it.
         ax = drive[0] + (gx - along * x) / tau + push_x / members
         ay = drive[1] + (gy - along * y) / tau + push_y / members
@@ -636,7 +640,8 @@ def headway_reach(
     It is ahead by its distance less the half width of the strip at least, and comes nearer by its own motion.
     """
     p = parameters
-    gap = p.standstill_gap + (time_gap + p.matching_time) * desired_speed
+    matching_time = p.matching_time * min(neighbour_speed / SLOW_PACE, 1.0)
+    gap = p.standstill_gap + (time_gap + matching_time) * desired_speed
     return contact + gap + p.headway_half_width + p.look_ahead_time * neighbour_speed + _ROUNDING
 
 
