@@ -62,7 +62,7 @@ class Evaluation:
     >>> from sonata2d.metrics import episode_files, measure_files
     >>> files = episode_files(Path("demo"))
     >>> Evaluation("demo", measure_files(files, rerun=False)).summary("path_length").mean
-    3.56...
+    3.54...
     """
 
     label: str

@@ -262,7 +262,7 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray, solids: So
     for n in range(routes.walkers[0]):
         k = routes.order[n]
         if is_present[k] and routes.length[k] > 0:
-            routes.target[k, 0], routes.target[k, 1] = _point_to_aim_at(routes, k, humans[k, X], humans[k, Y])
+            routes.target[k, 0], routes.target[k, 1] = _point_to_aim_at(routes, k, humans[k, X], humans[k, Y], solids)
     for n in range(routes.walkers[0]):
         k = routes.order[n]
         if not is_present[k]:
@@ -287,11 +287,12 @@ def set_targets(routes: Routes, humans: Array, is_present: BoolArray, solids: So
 
 
 @subroutine
-def _point_to_aim_at(routes: Routes, k: int, x: float, y: float) -> Vector:
+def _point_to_aim_at(routes: Routes, k: int, x: float, y: float, solids: Solids) -> Vector:
     """The present waypoint of pedestrian k at (x, y), m; within `_WAYPOINT_DISTANCE` of it, a point on the next leg.
 
     The nearer the pedestrian is to the waypoint, the farther along the leg the point lies. So it turns before it
-    reaches the waypoint, and does not go back to it if others have pushed it past.
+    reaches the waypoint, and does not go back to it if others have pushed it past. A pedestrian that was pushed beside
+    a doorway, so that the point is behind a wall, goes back to the waypoint.
     """
     n = routes.next[k]
     to_x, to_y = routes.path[k, n, 0], routes.path[k, n, 1]
@@ -301,7 +302,10 @@ def _point_to_aim_at(routes: Routes, k: int, x: float, y: float) -> Vector:
         return to_x, to_y
     ux, uy = unit_or(routes.path[k, n + 1, 0] - to_x, routes.path[k, n + 1, 1] - to_y, 1e-3, 0.0, 0.0)
     beyond = max(dx * ux + dy * uy + _WAYPOINT_DISTANCE - distance, 0.0)
-    return to_x + beyond * ux, to_y + beyond * uy
+    aim_x, aim_y = to_x + beyond * ux, to_y + beyond * uy
+    if is_crossed(solids, x, y, aim_x, aim_y):
+        return to_x, to_y
+    return aim_x, aim_y
 
 
 @subroutine
