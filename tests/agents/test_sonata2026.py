@@ -136,9 +136,9 @@ def test_the_gap_ahead_determines_the_speed(x: float, y: float, weight: float, s
     [
         (1.0, 1.0, 1.0),  # at the same speed as without matching
         (0.5, 1.0, (0.5 + 2.0) / 3.0),  # slower than the one ahead, to widen the gap, but not half as slow
-        (1.0, 0.5 * SLOW_PACE, (1.0 + 0.5 * SLOW_PACE) / 2.0),  # half of the time for one who hardly walks
-        (1.0, 0.0, 1.0),  # none for one who stands, or comes nearer
-        (1.0, -1.0, 1.0),
+        (1.0, 0.5 * SLOW_PACE, (1.0 + 0.5 * SLOW_PACE) / 2.0),  # half of the matching time at half of the slow pace
+        (1.0, 0.0, 1.0),  # no matching with a person who stands
+        (1.0, -1.0, 1.0),  # or comes nearer
     ],
 )
 def test_walkers_match_the_speed_of_those_ahead(gap: float, pace: float, speed: float) -> None:

@@ -333,10 +333,7 @@ def _cheapest(
     near = near[: find_within(solids, position[0], position[1], reach, near)]
     before = math.inf  # gap to the nearest barrier, m
     for n in range(len(near)):
-        if len(body.core) > 1:
-            here = _gap_to(body, solids.table, near[n], position[0], position[1], direction[0], direction[1])
-        else:
-            here = gap(solids.table, near[n], position[0], position[1]) - numbers[_ROBOT_RADIUS]
+        here = _gap_to(body, solids.table, near[n], position[0], position[1], direction[0], direction[1])
         before = min(before, here)
     people = _nearby_people(numbers, discs, state, radius, shoulder, position, direction, speed)
     far = max(PERSONAL_DISTANCE, (speed - _SLOW_SPEED) / _SPEED_PER_METRE) + 1e-6  # m, beyond which people cost nothing
@@ -504,8 +501,7 @@ def _ground_cost(
     """
     _, nx, ny = layers.shape
     covered, earliness, closeness, extent = 0.0, 0.0, 0.0, _extent(body.discs)
-    touching, has_price = numbers[_ROBOT_RADIUS] + _OBSTACLE_MARGIN, numbers[_OBSTACLE_PRICE] != 0.0
-    near = touching
+    near, has_price = numbers[_ROBOT_RADIUS] + _OBSTACLE_MARGIN, numbers[_OBSTACLE_PRICE] != 0.0
     if has_price:
         near = max(near, numbers[_ROBOT_RADIUS] + numbers[_OBSTACLE_DISTANCE])
     for k in range(until):
@@ -520,22 +516,18 @@ def _ground_cost(
         is_in_grid = 0.0 < i < nx - 1.001 and 0.0 < j < ny - 1.001
         if is_in_grid and layers[CLEARANCE, int(i), int(j)] > near + extent + 1.5 * CELL:
             continue
-        distance, is_blocked = 1e9, False
+        clearance, is_blocked = math.inf, False
         if len(body.core) > 1:
-            distance, is_blocked, before = _tightest(
+            clearance, is_blocked, before = _tightest(
                 body, barriers, nearby, positions, headings, direction, k, v, t, near + extent, _OBSTACLE_MARGIN, before
             )
-            distance += numbers[_ROBOT_RADIUS]
         else:
             for n in range(len(nearby)):
-                distance = min(distance, gap(barriers, nearby[n], x, y))
-            gap_here = distance - numbers[_ROBOT_RADIUS]
-            is_blocked = gap_here < min(_OBSTACLE_MARGIN, before + _TINY)
-            before = gap_here
+                clearance = min(clearance, _gap_to(body, barriers, nearby[n], x, y, 1.0, 0.0))
+            is_blocked, before = clearance < min(_OBSTACLE_MARGIN, before + _TINY), clearance
         if earliness == 0.0 and is_blocked:
             earliness = (STEPS - k) / STEPS
         if has_price:
-            clearance = distance - numbers[_ROBOT_RADIUS]
             closeness += min(max(1.0 - clearance / numbers[_OBSTACLE_DISTANCE], 0.0), 1.0)
     return covered * STEP, numbers[_BUMP] * earliness + numbers[_OBSTACLE_PRICE] * closeness
 
@@ -577,6 +569,8 @@ def _tightest(
 @subroutine
 def _gap_to(body: _Body, barriers: Array, k: int, x: float, y: float, c: float, s: float) -> float:
     """Gap between the robot at a pose, m, cosine and sine, and barrier k; m."""
+    if len(body.core) == 1:  # a disc: its heading has no effect
+        return float(gap(barriers, k, x, y) - body.rounding)
     return gap_to_barrier(body.core, body.rounding, x, y, c, s, body.corners, body.found, barriers, k)
 
 

@@ -26,9 +26,9 @@ class Sonata2026(NamedTuple):
         headway_half_width: half the width of the strip ahead in which others count, m.
         standstill_gap: gap at which the permitted speed is 0, m; below 0, bodies would touch first.
         time_gap: time in which the gap beyond `standstill_gap` would be walked, s.
-        matching_time: time for which those who walk ahead are expected to go on, s: people in company walk at the
-            speed of the others rather than close every gap. Shorter for those who stand or come nearer, see
-            `headway_speed`.
+        matching_time: time for which people ahead are expected to keep their speed, s; so a walker keeps the speed of a
+            stream instead of closing every gap. It is shorter for slow people, and 0 for people who stand or come
+            nearer, see `headway_speed`.
         look_ahead_time: time for which the motion of others is predicted, and over which the force of a predicted
             approach falls to 1/e, s.
         temperature: difference of values at which the weight of a direction falls to 1/e, m/s.
@@ -569,7 +569,8 @@ def _accelerations(
         x, y, speed = with_body((body[i, 0], body[i, 1]), x, y, speed, pace[i], side, shuffle)
         speed *= group_pace
         own_velocity = (velocity[i, 0], velocity[i, 1])
-        along, own_tau = gx * x + gy * y, max(tau / (1.0 + walkers.heed[i]), dt)
+        along = gx * x + gy * y
+        own_tau = max(tau / (1.0 + walkers.heed[i]), dt)  # shorter near a robot; the pull of the group stays as it is
         drive = desired_change(own_velocity, (x, y), speed, along / tau, own_tau, turning_time, dt)
         # Each member of a group evades less, so that the group keeps its formation, and others walk round it.
         ax = drive[0] + (gx - along * x) / tau + push_x / members
