@@ -56,7 +56,8 @@ frames.
 - SI: m, s, rad. World frame: x right, y up, theta counter-clockwise. Body frame: x ahead, y left.
 - Numbers in frames, labels and the outcome are rounded to `precision`; they are finite, never -0.0, and angles lie in
   (-3.1416, 3.1416]. Scene and settings keep every digit that was used; generated scenes are rounded before use.
-- Ids are unique in an episode; the robot has id 0.
+- Ids of robots, people and objects are unique together, and those of groups, doors, interior doors, queues and places
+  among their kind; the first robot has id 0.
 - `robot`, `humans`, `activity`, `interactions` and `contacts` of a frame are the state at its tick; `command` is the
   controller's answer, `executed` and `guarded` describe the motion until the next frame. `final` is the state after the
   last frame.
@@ -69,12 +70,14 @@ frames.
 - Readers refuse a newer version and ignore unknown keys. `format` is `{FORMAT}`.
 - A file is validated once, when it is read: the schema, and what a schema cannot say (ids and references, activities,
   columns, answers to the question, a row for each person). `read_episode` refuses an invalid file with one line;
-  `sonata2d check` lists everything that is wrong. `sonata2d/core/files/limits.py` holds the limits on sizes and counts.
+  `sonata2d check` lists what is wrong, of each list the first entry. `sonata2d/core/files/limits.py` holds the limits
+  on sizes and counts.
 - Activities: {", ".join(f"{number} {name}" for number, name in enumerate(ACTIVITIES))}; -1 not present.
-  A person is `standing`, or does whatever it stands for, from when it begins to brake, up to 1 s before it is at rest.
+  The activity for which a person stops, such as `standing`, begins when it starts to brake, up to 1 s before it is at
+  rest.
 - `sonata2d check` also requires people and robot to be inside the room, and outlines to overlap by {
     1000 * MAXIMUM_OVERLAP:.0f} mm at most, or by
-  the distance by which two people approach each other in a physics step if that is longer;
+  the distance by which two people approach each other in a physics step if that is longer (more without safety guard);
   `sonata2d/datasets/check/plausibility.py` defines its other tolerances.
 
 A data set is a folder of episode files named `{{episode:06d}}.json`, with a `manifest.json` (see

@@ -49,10 +49,10 @@ class Rules:
 
     Attributes:
         dt: control period, the time between frames, s.
-        substeps: least number of physics steps in a tick; a stiff pedestrian model has one for each evaluation.
+        substeps: least number of physics steps in a tick; more if the pedestrian model needs more evaluations.
         iterations: number of iterations of the contact solver.
         time_limit: s; no state of the episode is later.
-        ends_on: events that end the episode besides the time limit.
+        ends_on: events that end the episode besides the time limit; `time` changes nothing.
         guard: whether the safety guard limits the robot's velocity by the gaps around it.
         contact_distance: outlines nearer than this are in contact, m.
         side: side to which pedestrians evade each other when they meet head-on: +1 right, -1 left.

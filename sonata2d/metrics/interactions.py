@@ -32,7 +32,7 @@ def time_to_collision_min(trajectory: Trajectory) -> float | None:
 
 @metric("share", "less", needs={"robot", "robot.radius", "humans.group"}, headline=True)
 def group_intrusion(trajectory: Trajectory) -> float | None:
-    """Fraction of states in which the robot's outline meets the convex hull of the centres of a group's members.
+    """Fraction of states in which the circle round the robot meets the convex hull of the centres of a group's members.
 
     Only members within 3.6 m of each other count; not defined without groups.
 
@@ -47,7 +47,7 @@ def group_intrusion(trajectory: Trajectory) -> float | None:
 
 @metric("share", "less", needs={"robot", "robot.radius", "frames.interactions"}, headline=True)
 def interaction_intrusion(trajectory: Trajectory) -> float | None:
-    """Fraction of states in which the robot's outline meets the line between the centres of an interacting pair.
+    """Fraction of states in which the circle round the robot meets the line between the centres of an interacting pair.
 
     The pair interacts in that state: two people, or a person and an object. Not defined without interactions.
     """
@@ -59,7 +59,7 @@ def interaction_intrusion(trajectory: Trajectory) -> float | None:
 
 
 def _within_group(trajectory: Trajectory, members: Sequence[int]) -> BoolArray:
-    """(L,), whether the robot's outline meets the convex hull of the members that are near each other.
+    """(L,), whether the circle round the robot meets the convex hull of the members that are near each other.
 
     A point of the hull lies within a triangle of three members or on the line between two.
     """
