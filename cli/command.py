@@ -66,7 +66,7 @@ def _flag(*names: str, help: str) -> click.Option:
 
 
 _COMMON_OPTIONS = [
-    _flag("-q", "--quiet", help="Print results, warnings and errors only: no progress, summaries and hints."),
+    _flag("-q", "--quiet", help="Print results and errors only: no progress, summaries or hints."),
     _flag("-v", "--verbose", help="Print each step on standard error."),
     _flag("--traceback", help="Print where in the source an error was raised."),
 ]

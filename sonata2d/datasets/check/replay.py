@@ -31,7 +31,7 @@ from ...scenegen.scenario.config import ScenarioConfig
 from ...sim.driver import controller_info_of, renderer_for
 from ...sim.episode import Episode
 from ...sim.inputs import TickInput
-from ...version import PHYSICS_VERSION
+from ...version import LAST_REPLAY, PHYSICS_VERSION
 from ..transforms.mirror import mirrored
 from .episodes import Problem
 
@@ -138,7 +138,8 @@ def _other_physics(record: EpisodeRecord) -> str:
     physics = record.document["physics"]
     if physics == PHYSICS_VERSION:
         return ""
-    return f"of physics version {physics}, which this sonata2d (physics version {PHYSICS_VERSION}) cannot run"
+    release = f"; sonata2d {LAST_REPLAY[physics]} is the last release that can" if physics in LAST_REPLAY else ""
+    return f"of physics version {physics}, which this sonata2d (physics version {PHYSICS_VERSION}) cannot run{release}"
 
 
 def _recorded_inputs(record: EpisodeRecord) -> list[TickInput]:
