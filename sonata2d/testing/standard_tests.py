@@ -61,6 +61,10 @@ class _Setting(NamedTuple):
     def number(self, small: int, full: int) -> int:
         return full if self.is_full else small
 
+    def draws(self) -> list[_Setting]:
+        """Five settings with seeds of their own, for the mean of a time that depends on the last person of a crowd."""
+        return [self._replace(seed=self.seed + k) for k in range(5)]
+
     def speeds(self, count: int) -> Array:
         """Desired speeds, (count,), m/s."""
         drawn = np.clip(np.random.default_rng(self.seed).normal(_SPEED, _SPEED_DEVIATION, count), _SLOWEST, _FASTEST)
@@ -268,9 +272,7 @@ def _bottleneck(setting: _Setting) -> _Outcome:
 
 def _crowd_at_corner(setting: _Setting) -> _Outcome:
     """A crowd walks round a corner in a corridor of 4 m, and in straight ones as long as its inner and outer side."""
-    # the last one is early or late with its own desired speed and place, so that the mean of several draws counts
-    draws = [_times_round_corner(setting._replace(seed=setting.seed + k)) for k in range(5)]
-    inner, corner, outer = np.mean(draws, axis=0)
+    inner, corner, outer = np.mean([_times_round_corner(draw) for draw in setting.draws()], axis=0)
     found = f"{inner:.1f} s inner, {corner:.1f} s corner, {outer:.1f} s outer"
     return found, "inner < corner < outer", bool(inner < corner < outer)
 
@@ -279,21 +281,24 @@ def _times_round_corner(setting: _Setting) -> tuple[float, float, float]:
     """The times after which the last one has passed the shorter straight corridor, the corner and the longer one, s."""
     count, arm, width, limit = setting.number(60, 300), 20.0, 4.0, 300.0
     start = _lattice(setting, count, 0.0, 0.4, 10.0 if count < 100 else 25.0, width - 0.4)
-    begin, speeds, times = float(start[:, 0].max()), setting.speeds(count), []
-    for length in (2.0 * arm, 2.0 * (arm + width)):
+    begin, speeds = float(start[:, 0].max()), setting.speeds(count)
+
+    def last_time(walls: list[_Wall], goals: list[tuple[float, float]], axis: int, end: float) -> float:
+        track = _tracks(_scene(setting, start, goals, speeds, _walls(walls)), limit, _is_past(axis, end))
+        return float(_passing_times(track[:, :, axis], end).max())
+
+    def straight(length: float) -> float:
         end = begin + length
-        walls = _walls([(-1, 0, end, 0), (-1, width, end, width), (-1, 0, -1, width)])
-        goals = [(end + _FAR, y) for y in start[:, 1]]
-        track = _tracks(_scene(setting, start, goals, speeds, walls), limit, _is_past(0, end))
-        times.append(float(_passing_times(track[:, :, 0], end).max()))
+        walls: list[_Wall] = [(-1, 0, end, 0), (-1, width, end, width), (-1, 0, -1, width)]
+        return last_time(walls, [(end + _FAR, y) for y in start[:, 1]], 0, end)
+
     x, end = begin + arm, width + arm
-    walls = _walls([
+    corner: list[_Wall] = [
         (-1, 0, x + width, 0), (x + width, 0, x + width, end), (-1, width, x, width),
         (x, width, x, end), (-1, 0, -1, width),
-    ])  # fmt: skip
-    goals = [(x + width - y, end + _FAR) for y in start[:, 1]]
-    track = _tracks(_scene(setting, start, goals, speeds, walls), limit, _is_past(1, end))
-    return times[0], float(_passing_times(track[:, :, 1], end).max()), times[1]
+    ]  # fmt: skip
+    around = last_time(corner, [(x + width - y, end + _FAR) for y in start[:, 1]], 1, end)
+    return straight(2.0 * arm), around, straight(2.0 * (arm + width))
 
 
 def _is_past(axis: int, limit: float) -> Callable[[Array], BoolArray]:
@@ -303,8 +308,7 @@ def _is_past(axis: int, limit: float) -> Callable[[Array], BoolArray]:
 
 def _counter_flow(setting: _Setting) -> _Outcome:
     """A crowd walks through a corridor of 10 m by 2 m to another room, against fewer or more people."""
-    # the last one may come early or late by chance, so that the mean of several draws counts
-    draws = [_counter_flow_times(setting._replace(seed=setting.seed + k)) for k in range(5)]
+    draws = [_counter_flow_times(draw) for draw in setting.draws()]
     times, late = np.mean([times for times, _ in draws], axis=0), sum(late for _, late in draws)
     found = ", ".join(f"{time:.0f}" for time in times) + f" s against 0, 10, 50, 100%; {late} did not arrive in 150 s"
     is_slower = times[3] > times[0] and all(b > 0.9 * a for a, b in pairwise(times))

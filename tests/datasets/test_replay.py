@@ -158,12 +158,12 @@ def test_a_file_of_another_physics_version_is_not_replayed(tmp_path: Path, busy:
     path.write_text(path.read_text().replace(f'"physics":{PHYSICS_VERSION}', '"physics":99'))
     (problem,) = check_replay(read_episode(path))
     assert "physics version 99" in problem.message
-    path.write_text(path.read_text().replace('"physics":99', '"physics":3'))
-    assert check_replay(read_episode(path))[0].message.endswith("; sonata2d 0.3.0 is the last release that can")
-    path.write_text(path.read_text().replace('"physics":3', '"physics":99'))
     assert check_rerun(read_episode(path)) == [problem]
     with pytest.raises(RecordError, match="physics version 99"):
         branch(path, 0, s2.StraightToGoal())
+    path.write_text(path.read_text().replace('"physics":99', '"physics":3'))
+    (problem,) = check_replay(read_episode(path))
+    assert problem.message.endswith("; sonata2d 0.3.0 is the last release that can")
 
 
 def test_a_branch_from_a_file_equals_a_branch_from_the_episode(tmp_path: Path, busy: Scene) -> None:
